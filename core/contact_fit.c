@@ -578,10 +578,11 @@ void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_in
 // Return the stiffness of two springs in series; 0 stands for rigid.
 static double series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : fmax(a, b); }
 
-// Return the least foundation stiffness that a client is told, an estimate of the stiffness some tens of ms after first
-// touch. It is the stiffness of the coupling, or of the foundation over a circle whose radius is a third of the tool's
-// half width, whichever is less. At first touch only a few samples press. With their small stiffness, a client would
-// render a first touch with a third of its force.
+// Return the lower limit of the foundation stiffness that is reported to a client. At first touch only a few samples
+// press, and their total stiffness is small. If that stiffness were reported, the client would render only a third of
+// the force of the first touch. The limit estimates the stiffness some tens of ms after first touch. It is the stiffness
+// of the coupling, or of the foundation over a circle whose radius is a third of the tool's half width, whichever is
+// less.
 static double first_layer(const kn_model *m, int p, double coupling_n_m)
 {
     double third_m = m->shape[p].fine_m / 3;

@@ -36,10 +36,11 @@ void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_t
 
 // --- pieces of the contact ------------------------------------------------------------------------------------------
 
-typedef struct piece {          // a piece of the contact: a sample or a held node; vectors in the scene's frame
-    double arm_m[3], normal[3]; // vector from the tool's position to the piece; direction out of the object there
-    double force_n[3];          // force of the piece on the tool
-    double pressing_n;          // component of force_n along the normal
+typedef struct piece { // a piece of the contact: a sample or a held node; vectors in the scene's frame
+    // arm_m: vector from the tool's position to the piece; normal: outward normal of the object at the piece
+    double arm_m[3], normal[3];
+    double force_n[3]; // force of the piece on the tool
+    double pressing_n; // component of force_n along the normal
     double area_m2;
     const kn_sample *sample; // the sample; NULL if the piece is a held node
 } piece;

@@ -358,7 +358,8 @@ static void tell_summary(kn_health_check *c, FILE *out)
     const kn_audit_news *audit = c->loop->audit ? kn_audit_read(c->loop->audit) : NULL;
     if (audit && audit->windows)
         fprintf(out,
-                "kneadd: energy audited for %" PRId64 " s, created in %" PRId64 " of them, %.3g mJ at most; at the end "
+                "kneadd: energy audited for %" PRId64 " s; energy created in %" PRId64
+                " of them, %.3g mJ at most; at the end "
                 "%.3g mJ stored of %.3g mJ of work\n",
                 audit->windows, audit->created, 1e3 * audit->most_j, 1e3 * kn_energy_sum(&audit->stored),
                 1e3 * audit->work_j);

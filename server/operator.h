@@ -44,7 +44,7 @@ typedef struct kn_operator_def {
     const kn_skin *skin;        // skin (surface mesh) that the mesh thread publishes
     void (*ask)(void *arg);     // make the main thread post a health report
     bool (*goes_on)(void *arg); // return whether kneadd starts again when the loop has ended
-    void (*stop)(void *arg);    // shut the server down in order
+    void (*stop)(void *arg);    // shut the server down cleanly
     void (*load)(void *arg, const char *path, const kn_scene *scene); // shut down, then start with this checked scene
     void *arg;
 } kn_operator_def;

@@ -426,8 +426,8 @@ double kn_held_element_until(const kn_held_element *h, double to)
     return from > to ? t + outside(h, fmin(from, low)) * log(from / to) : t;
 }
 
-// Return ln P at the time `wait` after the stress was `from`, by equation (1) of the header. The stress P is at least
-// `least`. Newton's method searches for ln P within an interval that encloses the root. Far below the root, the
+// Compute how the stress P relaxes by equation (1) of the header. P starts at the value `from` and never falls below
+// the value `least`. Return ln P after the duration `wait`. Newton's method searches for ln P within an interval that encloses the root. Far below the root, the
 // logarithm of the time is used in place of the time, since it is closer to linear in ln P.
 static double after(const kn_held_element *h, double from, double wait, double least)
 {

@@ -358,7 +358,7 @@ static int keep_hold(kn_curve_file *f, kn_curve *c)
 }
 
 // Return the time at which the hold begins, for a file without a column of strain. If the stress rises at first, this
-// is the time of the largest stress, or else the result of kn_curve_begin.
+// is the time of the largest stress; otherwise it is the result of kn_curve_begin.
 static double begin_of_hold(const kn_curve_file *f, const kn_curve *c)
 {
     int peak = 0;

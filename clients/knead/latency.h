@@ -79,9 +79,9 @@ int kn_latency_served_start(kn_latency_served *s, const char *scene, const char 
 // Stop kneadd and copy the times of the stages from its trace into `poses`. Return false if kneadd ended with an error.
 bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses);
 
-// Series of measured times, in microseconds. A pose that a newer pose replaced before kneadd used it has no answer of
-// its own and counts as missed. In the percentiles its latency lasts until the first answer to a later pose, or is
-// infinite if no later pose was answered.
+// Series of measured times, in microseconds. If a newer pose replaces a pose before kneadd has used it, the older pose
+// gets no answer of its own and counts as missed. For the percentiles, its latency is measured to the first answer to a
+// later pose. The latency is infinite if no later pose was answered.
 enum {
     KN_SERIES_ECHO,
     KN_SERIES_POSE,

@@ -42,8 +42,9 @@ int64_t kn_press_tick(const kn_press *p, double time_s)
 
 static const kn_probe_input *tool_at(const kn_press *p, int64_t tick) { return &p->input[tick * p->probes + p->probe]; }
 
-// Return the tick at which the tool begins the rise that leads to its position in the given tick. In a slow withdrawal,
-// the tool rises in every tick. A tool that only shakes rises by less than 1 um in 10 ms (0.1 mm/s).
+// Return the tick at which the tool begins the rise that leads to its position in the given tick. A tick
+// belongs to the rise if the tool rises in the tick, or if the tool has risen by more than 1 um in the last 10 ms (0.1
+// mm/s), which is more than a shaking tool rises.
 static int64_t begin_of_rise(const kn_press *p, int64_t tick)
 {
     enum { WINDOW = 10 };

@@ -62,7 +62,7 @@ static kn_input input_at(const kn_stability_trial *t, const kn_model *m, double 
 {
     kn_input in = {0};
     double whole = length_s(t), rest[3] = {1, 1, 1};
-    // The load acts in all steps up to half time. Half a step is added to the bound, so that rounding does not remove
+    // The load acts in all steps up to half of the run. Half a step is added to the bound, so that rounding does not remove
     // the load from the last of these steps.
     if (t->hand == KN_STABILITY_TRIAL_HAND_LOAD && time_s < LOADED * whole + 0.5 * dt) {
         kn_model_def_extent(&t->def, rest);
@@ -305,7 +305,8 @@ static kn_score judge(const trace *x, const trace *ref, const trace *finer, doub
 }
 
 // Return the bound of the force error and the shape error. An explicit method does not share the time-step error of the
-// reference R(dt). This error is about twice the difference between R(dt) and R(dt/2).
+// reference R(dt). This error is about twice the difference between R(dt) and R(dt/2), so it is added to the bound of an
+// explicit method.
 static double bound_of(kn_way way, double step_error)
 {
     if (way == KN_WAY_RK4) return ERROR_MAX + 2 * step_error;

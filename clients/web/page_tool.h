@@ -77,7 +77,8 @@ bool kn_page_tool_scene(kn_page_tool *tool, const kn_camera_view *view);
 void kn_page_tool_look(kn_page_tool *tool, const kn_camera_view *view); // follows a view that a page has turned
 void kn_page_tool_mesh(kn_page_tool *tool);                             // follows a new mesh of `live`
 void kn_page_tool_listen(kn_page_tool *tool);                           // takes the samples of the device's thread
-// Called ten times a second: takes samples, lifts the tool of a silent page, and posts the wish.
+// Called ten times a second: takes samples, lifts the tool of a silent page, and sends the wanted tool position to the
+// device's thread.
 void kn_page_tool_turn(kn_page_tool *tool);
 
 // Handle a pointer event of a page: take the tool if it is free, aim, press or release.

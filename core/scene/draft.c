@@ -6,18 +6,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Limit of the number of nodes: 100 times more than any processor steps in a millisecond. Their memory (below 4 GiB in
-// f64) still fits a workstation. A larger number is likelier a typing error than intended.
+// Largest number of nodes of a block: 100 times more than any processor can step in a millisecond. The memory of these
+// nodes (below 4 GiB in f64) still fits a workstation. A larger number is probably a typing error.
 enum { NODES_MAX = 1 << 22 };
-#define BUDGET_S 0.8e-3 // part of the 1 ms tick for the step; the rest is for poses, surface and operating system
+#define BUDGET_S 0.8e-3 // default of solver.budget: leaves 0.2 ms of the 1 ms tick to the operating system
 #define LETTERS "abcdefghijklmnopqrstuvwxyz"
-// Largest deviation of an extent from a whole number of spacings, in spacings: 5 cm / 3.3333333333333333 mm passes,
-// 5 cm / 3.333 mm does not.
+// Largest difference between the extent of a block and a whole number of spacings, in spacings. So an extent of 5 cm
+// fits a spacing of 3.3333333333333333 mm, but not a spacing of 3.333 mm.
 #define SPACING_TOLERANCE 1e-6
 
 _Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
 
-// The key table. Each list of keys.h has its own struct, so each has its own row macro for offsetof.
+// The key table. The keys of each list in keys.h are members of another struct, so each list needs a row macro of its
+// own for offsetof.
 #define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
     [KN_KEY_##id] = {KN_WHEN_##when_, path_,     KN_TYPE_##type_,          count_,  unit_, least_,                     \
                      most_,           fallback_, offsetof(parent, member), meaning_},
@@ -37,7 +38,7 @@ void *kn_draft_field(kn_draft *draft, int slot, kn_key_id id)
     return base + kn_keys[id].offset;
 }
 
-// Return true if the object in a slot (scene, probe or part) has that key.
+// Return true if the owner of a slot (scene, probe or part) can have key `id`.
 static bool of_slot(int slot, kn_key_id id)
 {
     if (slot == 0) return id < KN_KEY_PROBE_NAME;
@@ -79,7 +80,7 @@ bool kn_draft_complain(kn_draft *draft, kn_mark mark, const char *format, ...)
         }
         bool keyless = *set == '=';
         while (set[size] > ' ' && set[size] <= '~' && (set[size] != '=' || keyless) && size < 128) size++;
-        // do not print the key twice if the message begins with it
+        // if the message begins with the key of the --set, print the key only once
         bool twice = size > 0 && strncmp(what, set, (size_t)size) == 0 && what[size] == ':';
         snprintf(draft->error, draft->error_size, "--set %.*s%s", size, set, twice ? what + size : ": ");
         if (!twice) strncat(draft->error, what, draft->error_size - strlen(draft->error) - 1);
@@ -94,7 +95,7 @@ void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, c
         for (kn_key_id id = 0; id < KN_KEY_COUNT; id++) {
             const char *fallback = kn_keys[id].fallback;
             char problem[KN_LINE_MAX];
-            // until something is written, an error about the key points at the start of the file
+            // as long as no value is written, an error about the key points at the start of the file
             draft->at[slot][id] = (kn_mark){.source = KN_SOURCE_DEFAULT, .line = 1, .col = 1};
             draft->group[slot][id] = (kn_mark){.source = KN_SOURCE_FILE, .line = 1, .col = 1};
             // read the default text, unless the key is required, optional or computed later
@@ -103,8 +104,8 @@ void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, c
         }
 }
 
-// Return the mark to report if two values do not fit together: that of the value written last. A --set counts as later
-// than the file.
+// Return the mark of the value that was written last. An error about two values that do not fit together points at this
+// mark. A --set counts as later than the file, and a second --set as later than the first.
 static kn_mark later_of(kn_mark x, kn_mark y)
 {
     if (x.source != y.source) return x.source > y.source ? x : y;
@@ -116,7 +117,7 @@ static kn_mark later(const kn_draft *draft, kn_key_id a, kn_key_id b)
     return later_of(draft->at[0][a], draft->at[0][b]);
 }
 
-// Return the key whose value decides whether key id is relevant.
+// Return the key whose value decides whether key `id` is relevant.
 static kn_key_id chooser(const kn_draft *draft, kn_key_id id)
 {
     if (kn_keys[id].when >= KN_WHEN_PLATE) return id < KN_KEY_PART_SHAPE ? KN_KEY_PROBE_SHAPE : KN_KEY_PART_SHAPE;
@@ -136,7 +137,7 @@ kn_probe_shape kn_draft_shape(const kn_draft *draft, int slot)
     return (kn_probe_shape)(draft->part[slot - 1 - KN_PROBES_MAX].kind + KN_PROBE_SPHERE);
 }
 
-// Return true if a tool of that shape meets the condition.
+// Return true if a tool of this shape meets the condition `when`.
 static bool of_shape(kn_key_when when, kn_probe_shape shape)
 {
     const bool edged = shape == KN_PROBE_BOX || shape == KN_PROBE_CROSS, cylinder = shape == KN_PROBE_CYLINDER;
@@ -152,12 +153,12 @@ static bool of_shape(kn_key_when when, kn_probe_shape shape)
     }
 }
 
-// Return true if the key is relevant for the present values of the draft.
+// Return true if the values in the draft meet the condition under which the key is relevant.
 static bool relevant(kn_draft *draft, int slot, kn_key_id id)
 {
     const kn_model_def *def = &draft->scene.model;
     const bool mesh = *draft->mesh_path != '\0';
-    // shapes belong to a probe or part, all other conditions to the scene
+    // conditions from KN_WHEN_PLATE on concern the shape of a probe or part, all others concern the scene
     if (kn_keys[id].when >= KN_WHEN_PLATE) return slot > 0 && of_shape(kn_keys[id].when, kn_draft_shape(draft, slot));
     switch (kn_keys[id].when) {
     case KN_WHEN_BLOCK: return !mesh;
@@ -173,21 +174,21 @@ static bool relevant(kn_draft *draft, int slot, kn_key_id id)
     }
 }
 
-// Check that a relevant key without a default was written.
+// Check that a relevant key is written if the key is required.
 static bool require(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], expects[KN_LINE_MAX];
     if (kn_keys[id].fallback || kn_draft_given(draft, slot, id)) return true;
-    // blame the choice that made the key necessary if a --set made it, else the mapping in which the key is missing
+    // if a --set made the key necessary, report that --set; else report the mapping in which the key is missing
     bool chosen = kn_keys[id].when != KN_WHEN_ALWAYS && draft->at[slot][chooser(draft, id)].source >= 0;
     return kn_draft_complain(draft, chosen ? draft->at[slot][chooser(draft, id)] : draft->group[slot][id],
                              "%s is missing, expected %s", kn_draft_path(draft, slot, id, path),
                              kn_key_expects(&kn_keys[id], expects));
 }
 
-// Drop an irrelevant key of a slot. If a later --set made the key irrelevant, drop the key silently, else report an
-// error. Never drop object.accuracy silently, because the user relies on it; only the value 0 has no effect and may be
-// dropped.
+// Clear the value of an irrelevant key. If a later --set made the key irrelevant, this is no error. If the key was
+// irrelevant as written, report an error. An object.accuracy other than 0 is always an error, because the user relies
+// on that accuracy.
 static bool drop(kn_draft *draft, int slot, kn_key_id id)
 {
     char path[KN_LINE_MAX], choice[KN_LINE_MAX];
@@ -195,7 +196,7 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
     size_t size = (size_t)kn_keys[id].count * (kn_keys[id].type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
     bool dropped = draft->at[slot][by].source > draft->at[slot][id].source;
     if (id == KN_KEY_ACCURACY) dropped = draft->scene.accuracy == 0;
-    // clear the member, but not a size that plate and box share
+    // clear the member; but plate and box share the member size_m, which must keep the value of the relevant key
     bool either = id == KN_KEY_PROBE_SIZE || id == KN_KEY_PROBE_EXTENT;
     kn_probe_shape shape = slot > 0 ? kn_draft_shape(draft, slot) : KN_PROBE_PLATE;
     if (!either || !(of_shape(KN_WHEN_PLATE, shape) || of_shape(KN_WHEN_BOX, shape)))
@@ -211,7 +212,7 @@ static bool drop(kn_draft *draft, int slot, kn_key_id id)
                              kn_key_print(&kn_keys[by], kn_draft_field(draft, slot, by), choice));
 }
 
-// Check every key of a slot: a relevant key must be there, an irrelevant one must not.
+// Check every key of a slot: a relevant key must be written if it is required, an irrelevant key must not be written.
 static bool check_slot(kn_draft *draft, int slot)
 {
     for (kn_key_id id = 0; id < KN_KEY_COUNT; id++)
@@ -219,7 +220,8 @@ static bool check_slot(kn_draft *draft, int slot)
     return true;
 }
 
-// Check that a union has parts and that no other shape has any. If a --set changed the shape, drop the parts.
+// Check that a union has parts and that a tool of any other shape has no parts. If a --set changed the shape, drop the
+// parts without an error.
 static bool check_parts(kn_draft *draft, int slot)
 {
     const kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
@@ -246,7 +248,7 @@ static bool check_presence(kn_draft *draft)
     return true;
 }
 
-// Multiply a modulus given per height by the height of its specimen, then check its range.
+// If a modulus is given per height of a specimen, multiply the modulus by that height. Then check the range.
 static bool finish_modulus(kn_draft *draft, kn_key_id id)
 {
     char expects[KN_LINE_MAX];
@@ -262,8 +264,8 @@ static bool finish_modulus(kn_draft *draft, kn_key_id id)
                              kn_key_expects(key, expects));
 }
 
-// Compute alpha and beta of an exponential damper that is written by its ends c_max and c_min. This happens before the
-// check for missing keys.
+// Compute alpha and beta of an exponential damper from c_max and c_min, if the scene gives c_max and c_min instead.
+// Call before the check for missing keys, because afterwards alpha and beta count as given.
 static bool take_ends(kn_draft *draft)
 {
     static const kn_key_id ends[2] = {KN_KEY_C_MAX, KN_KEY_C_MIN}, curve[2] = {KN_KEY_ALPHA, KN_KEY_BETA};
@@ -272,9 +274,11 @@ static bool take_ends(kn_draft *draft)
     if (mat->damper != KN_DAMPER_EXPONENTIAL ||
         !(kn_draft_given(draft, 0, ends[0]) || kn_draft_given(draft, 0, ends[1])))
         return true;
-    if (!kn_draft_given(draft, 0, KN_KEY_P0) || !kn_draft_given(draft, 0, KN_KEY_P1)) // report the missing stress
+    // c_max and c_min need p0 and p1
+    if (!kn_draft_given(draft, 0, KN_KEY_P0) || !kn_draft_given(draft, 0, KN_KEY_P1))
         return require(draft, 0, kn_draft_given(draft, 0, KN_KEY_P0) ? KN_KEY_P1 : KN_KEY_P0);
-    // both ends must be there and no later alpha or beta; alpha and beta then count as written where the ends are
+    // c_max and c_min must both be given. An alpha or beta of the same or a later source is an error. Then alpha and
+    // beta count as written at the place of c_max and c_min.
     for (int i = 0; i < 2; i++) {
         if (!kn_draft_given(draft, 0, ends[i]))
             return kn_draft_complain(draft, at, "%s is missing, expected it beside %s", kn_keys[ends[i]].path,
@@ -289,7 +293,7 @@ static bool take_ends(kn_draft *draft)
         draft->at[0][ends[i]].source = KN_SOURCE_DEFAULT;
     }
     // solve c_max = alpha exp(-beta p0), c_min = alpha exp(-beta p1)
-    bool rising = mat->p0_pa < mat->p1_pa; // finish_material reports p0 >= p1
+    bool rising = mat->p0_pa < mat->p1_pa; // if not, finish_material reports an error later
     mat->beta_per_pa = rising ? log(mat->c_max_pa_s / mat->c_min_pa_s) / (mat->p1_pa - mat->p0_pa) : 0;
     mat->alpha_pa_s = mat->c_max_pa_s * exp(mat->beta_per_pa * mat->p0_pa);
     if (mat->c_min_pa_s <= mat->c_max_pa_s) return true;
@@ -297,9 +301,9 @@ static bool take_ends(kn_draft *draft)
                              mat->c_max_pa_s);
 }
 
-// Check the stroke and set its default ratio. If a_min = a_max, the damper cannot move, and the ratio is that value:
-// the object keeps its shape as made. Else the ratio is 0.2 with a spring or a rigid damper. Without a spring it is
-// c2/(c1 + c2), the ratio that two dampers take when they are pressed.
+// Check the stroke and set the default of the ratio. If a_min = a_max, the damper cannot move, and the ratio is a_max,
+// so that the object keeps its shape as made. Else the ratio is 0.2 if the material has a spring k1 or a rigid damper.
+// Without a spring, the ratio is c2/(c1 + c2): the share of c1 in the deformation when c1 and c2 are pressed in series.
 static bool finish_stroke(kn_draft *draft)
 {
     kn_material *mat = &draft->scene.model.material;
@@ -318,7 +322,7 @@ static bool finish_stroke(kn_draft *draft)
     return !problem || kn_draft_complain(draft, at, "material: %s", problem);
 }
 
-// Check the material's values against each other and turn them into those of the variant.
+// Check the values of the material against each other, and change them to those of the chosen variant.
 static bool finish_material(kn_draft *draft)
 {
     const kn_material *mat = &draft->scene.model.material;
@@ -333,7 +337,7 @@ static bool finish_material(kn_draft *draft)
                                  "material.c_min is %g Pa s, expected at most c_max, %g Pa s", mat->c_min_pa_s,
                                  mat->c_max_pa_s);
     if (!kn_draft_vary_material(draft)) return false;
-    // check the material without its stroke first, so that an error points at the right key
+    // first check the material without its stroke: an error then points at k1 or c1, not at the stroke
     kn_material bare = *mat;
     bare.stroke[0] = bare.stroke[1] = 0;
     const char *problem = kn_material_check(&bare);
@@ -341,7 +345,8 @@ static bool finish_material(kn_draft *draft)
     return finish_stroke(draft);
 }
 
-// Check that a flat object (two extents, or triangles) has a thickness and that a solid object has none.
+// Check that a flat object (a block with two extents, or a mesh of triangles) has a thickness, and that a solid object
+// has no thickness.
 static bool finish_thickness(kn_draft *draft, bool flat)
 {
     char expects[KN_LINE_MAX];
@@ -350,12 +355,12 @@ static bool finish_thickness(kn_draft *draft, bool flat)
     if (kn_draft_given(draft, 0, KN_KEY_THICKNESS) == flat) return true;
     if (flat)
         return kn_draft_complain(draft, later_of(draft->group[0][KN_KEY_THICKNESS], what),
-                                 "object.thickness is missing, expected %s as %s",
+                                 "object.thickness is missing, expected %s because %s",
                                  kn_key_expects(&kn_keys[KN_KEY_THICKNESS], expects),
                                  by == KN_KEY_MESH ? "object.mesh is flat" : "object.size has two values");
     draft->scene.model.thickness_m = 0;
     draft->at[0][KN_KEY_THICKNESS].source = KN_SOURCE_DEFAULT;
-    if (what.source > at.source) return true; // a --set made the object solid, so its thickness has no effect
+    if (what.source > at.source) return true; // a --set made the object solid, so the thickness is ignored
     return kn_draft_complain(draft, at, "object.thickness means nothing with %s, expected it left out",
                              by == KN_KEY_MESH ? "a mesh of tetrahedra" : "an object.size of three values");
 }
@@ -401,7 +406,7 @@ static bool finish_probe(kn_draft *draft, int slot)
         if (strcmp(def->probe[other - 1].name, probe->name) == 0)
             return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_NAME], draft->at[other][KN_KEY_PROBE_NAME]),
                                      "probe '%s' exists already, expected another name", probe->name);
-    // a smaller ball would slip through between the sample points of the surface
+    // a ball smaller than a spacing would slip through between the sample points of the surface
     if (of_shape(KN_WHEN_ROUND, probe->shape) && probe->radius_m < def->spacing_m)
         return kn_draft_complain(draft, later_of(at[KN_KEY_PROBE_RADIUS], draft->at[0][KN_KEY_SPACING]),
                                  "probes.%s.radius is %g m, expected at least %s, %g m", probe->name, probe->radius_m,
@@ -409,7 +414,7 @@ static bool finish_probe(kn_draft *draft, int slot)
     return kn_draft_tool_fits(draft, slot);
 }
 
-// Check the solver's values. Set the defaults of rk4 and fixed that differ from those in the key table.
+// Check the values of the solver. Set the defaults that the solvers rk4 and fixed do not take from the key table.
 static bool finish_solver(kn_draft *draft)
 {
     kn_solver_def *solver = &draft->scene.model.solver;
@@ -430,15 +435,15 @@ static bool finish_solver(kn_draft *draft)
 
 bool kn_draft_finish_point(kn_draft *draft)
 {
-    // no quality point changes a mesh, which is already read
+    // a quality point can change the spacing of a block, but nothing in a mesh
     if (!*draft->mesh_path && !finish_object(draft)) return false;
     for (int slot = 1; slot <= draft->scene.model.probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;
     return finish_solver(draft) && kn_draft_fine(draft);
 }
 
-// Set the coupling of a probe. A hand's device needs a coupling. The tool of a virtual hand or script (profile bench)
-// follows its pose rigidly, as in the papers.
+// Set the default coupling of a probe. A tool that a hand moves through a device needs a coupling. A tool that a
+// virtual hand or a script moves (profile bench) follows its pose rigidly, as in the papers.
 static void couple(kn_draft *draft, int slot)
 {
     const kn_device_def *device = &draft->scene.device;
@@ -455,7 +460,8 @@ static void couple(kn_draft *draft, int slot)
     }
 }
 
-// Store the place in the file that an error about the solver should point at.
+// Store the place at which an error of building or stepping the model points: the last of the solver's keys kind, isa,
+// dt and mass_scale in the file.
 static void mark_solver(kn_draft *draft)
 {
     static const kn_key_id said[] = {KN_KEY_KIND, KN_KEY_ISA, KN_KEY_DT, KN_KEY_MASS_SCALE};
@@ -468,7 +474,7 @@ static void mark_solver(kn_draft *draft)
 bool kn_draft_finish(kn_draft *draft)
 {
     kn_model_def *def = &draft->scene.model;
-    // clear the defaults of probes that the scene does not have
+    // clear the probes that the scene does not define, because they still hold default values
     memset(&def->probe[def->probe_count], 0, sizeof def->probe[0] * (size_t)(KN_PROBES_MAX - def->probe_count));
     // material and object come first, because tools are checked against the spacing
     if (!take_ends(draft) || !check_presence(draft) || !finish_material(draft) || !finish_object(draft)) return false;
@@ -480,16 +486,17 @@ bool kn_draft_finish(kn_draft *draft)
     for (int slot = 1; slot <= def->probe_count; slot++) couple(draft, slot);
     if (!kn_draft_given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     mark_solver(draft);
-    // the canonical size follows from the nodes: equal lattices have equal texts, however the file rounded the size
+    // compute the size from the nodes, so that equal lattices have equal canonical texts even if two files round the
+    // size differently
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
     return finish_solver(draft) && kn_draft_fine(draft) && kn_draft_quality(draft);
 }
 
-// The canonical text while it is written: about 2 kB, 10 kB with four unions, 12 kB more with long paths.
+// Buffer of the canonical text. The text has about 2 kB, 10 kB with four unions, and 12 kB more with long paths.
 typedef struct page {
     char text[32768];
     size_t used;
-    char group[KN_LINE_MAX]; // path of the mapping that is open in the text, e.g. "quality.fast."
+    char group[KN_LINE_MAX]; // path of the mapping to which the last line belongs, with a dot: "quality.fast."
 } page;
 
 static void put(page *out, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -502,7 +509,7 @@ static void put(page *out, const char *format, ...)
     out->used += (size_t)n;
 }
 
-// Print a path between single quotes; a quote within it is doubled.
+// Print a file's path between single quotes. Double every quote within the path, as YAML asks.
 static void put_path(page *out, const char *path)
 {
     put(out, "'");
@@ -510,7 +517,7 @@ static void put_path(page *out, const char *path)
     put(out, "'\n");
 }
 
-// Open the mappings above a key and return their number.
+// Print a line for each mapping of a key's path that is not open yet. Return the number of mappings above the key.
 static int open_groups(page *out, const char *path)
 {
     int depth = 0;
@@ -526,7 +533,7 @@ static int open_groups(page *out, const char *path)
     return depth;
 }
 
-// Print a key with its value, unless it is irrelevant, absent or not part of the canonical text.
+// Print a key with its value, unless the key is irrelevant, absent or not part of the canonical text.
 static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
 {
     const kn_key *key = &kn_keys[id];

@@ -1,4 +1,5 @@
-// What a draft takes from the library: the numbers of a named material, and the profile of a haptic device.
+// The parts of a scene that may come from another file: the numbers of a named material, and the numbers of a haptic
+// device.
 #include "core/scene/draft.h"
 
 #include <math.h>
@@ -11,7 +12,8 @@ enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // values of the key material.varia
 
 static bool of_material(kn_key_id id) { return strncmp(kn_keys[id].path, "material.", strlen("material.")) == 0; }
 
-// Copy the value of a key, and whether it was given, with the mark of the material's name.
+// Copy the value of a key from the draft of a material's file, and whether that file gives the key. `mark`: place where
+// the scene names the material; an error about the value points there.
 static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mark mark)
 {
     const kn_key *key = &kn_keys[id];
@@ -21,12 +23,12 @@ static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mar
     mark.library = true;
     draft->at[0][id] = mark;
     if (!kn_draft_given(from, 0, id)) draft->at[0][id].source = KN_SOURCE_DEFAULT;
-    draft->group[0][id] = mark; // a missing key is reported at the material's name
+    draft->group[0][id] = mark; // if the key is missing, the error points at the material's name
 }
 
 bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark)
 {
-    // refuse anything but material and density
+    // refuse any key that belongs neither to the material nor to the density
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (kn_draft_given(from, 0, id) && !of_material(id) && id != KN_KEY_DENSITY)
             return kn_draft_complain(draft, mark, "%s is in %s, expected only a material and its density there",
@@ -36,7 +38,7 @@ bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, 
                                  from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (of_material(id)) take_key(draft, from, id, mark);
-    // the scene's own density takes precedence
+    // a density that the scene itself gives takes precedence over that of the file
     bool own = kn_draft_given(draft, 0, KN_KEY_DENSITY) && !draft->at[0][KN_KEY_DENSITY].library;
     if (!own && kn_draft_given(from, 0, KN_KEY_DENSITY)) take_key(draft, from, KN_KEY_DENSITY, mark);
     if (variant < 0) return true;
@@ -45,8 +47,9 @@ bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, 
     return true;
 }
 
-// Make a pair of dampers that acts as one. Constant dampers are equal, each twice c2. If c2 depends on force, c1 is so
-// stiff that it hardly counts.
+// Remove the spring, so that the dampers c1 and c2 in series act like the given damper c2 alone. If c2 is constant, c1
+// and c2 both become twice the given c2. If c2 depends on the stress, c1 becomes 25 times c2(0): so viscous that it
+// hardly deforms.
 static void make_plastic(kn_material *mat)
 {
     mat->k1_pa = 0;
@@ -62,7 +65,7 @@ bool kn_draft_vary_material(kn_draft *draft)
         return kn_draft_complain(draft, at, "material.variant is plastic, expected a damper that can move");
     if (draft->variant == PLASTIC) make_plastic(mat);
     if (draft->variant != VISCOELASTIC) return true;
-    // put both stops at one place, so the damper cannot move
+    // stroke [1, 1]: both end stops at one place, so the damper cannot move
     mat->ratio = mat->stroke[0] = mat->stroke[1] = 1;
     draft->at[0][KN_KEY_STROKE] = draft->at[0][KN_KEY_RATIO] = at;
     return true;
@@ -72,7 +75,7 @@ bool kn_draft_vary_material(kn_draft *draft)
 
 #define PERIOD_S 1e-3 // period of a device's loop and of the servo loop
 
-// Return true if the scene or a --set gives the key, not only the profile.
+// Return true if the scene's file or a --set gives the key, false if only the device profile gives the key.
 static bool said(const kn_draft *draft, kn_key_id id)
 {
     return kn_draft_given(draft, 0, id) && !draft->at[0][id].library;
@@ -89,10 +92,10 @@ bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark)
         const kn_key *key = &kn_keys[id];
         bool whole = key->type == KN_TYPE_CHOICE || key->type == KN_TYPE_INTEGER;
         if (!kn_draft_given(from, 0, id)) continue;
-        // a device's file may hold nothing else
+        // a device's file may hold only keys that begin with "device."
         if (strncmp(key->path, "device.", prefix) != 0)
             return kn_draft_complain(draft, mark, "%s is in %s, expected only device: there", key->path, from->file);
-        // the scene's own value takes precedence over that of a profile
+        // a value that the scene itself gives takes precedence over the value of a profile
         if (mark.library && kn_draft_given(draft, 0, id)) continue;
         memcpy((char *)draft + key->offset, (const char *)from + key->offset,
                (size_t)key->count * (whole ? sizeof(int) : sizeof(double)));
@@ -102,7 +105,7 @@ bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark)
 }
 
 // Return true if the canonical text must hold all keys of the device. With all keys in the text, a log can be replayed
-// even after the profile has changed. A bench needs none of them, unless the scene itself gives one.
+// even after the profile has changed. The device bench needs no keys in the text, unless the scene itself gives one.
 static bool says_all(const kn_draft *draft)
 {
     bool all = strcmp(draft->scene.device.name, "bench") != 0;
@@ -110,7 +113,8 @@ static bool says_all(const kn_draft *draft)
     return all;
 }
 
-// Compute the coupling. A value of the profile is a ceiling; a value of the scene is taken as it is.
+// Compute the virtual coupling of the device. A stiffness or damping from the profile is an upper limit for the
+// computed value. A stiffness or damping that the scene itself gives is used unchanged.
 static void couple(kn_draft *draft)
 {
     kn_device_def *d = &draft->scene.device;
@@ -119,7 +123,7 @@ static void couple(kn_draft *draft)
         kn_coupling_default(own_damping ? INFINITY : d->mass_kg, d->damping_n_s_m, PERIOD_S, d->round_trip_s, d->hand);
     if (!said(draft, KN_KEY_DEVICE_COUPLING)) d->hand.stiffness_n_m = c.stiffness_n_m;
     d->hand.damping_n_s_m = c.damping_n_s_m;
-    // convert from the hand to the scene, see core/device.h
+    // convert stiffness and damping from the hand's frame to the scene, see core/device.h
     double at_hand = d->force_scale * d->scale;
     d->coupling_n_m = d->hand.stiffness_n_m / at_hand;
     d->coupling_n_s_m = d->hand.damping_n_s_m / at_hand;
@@ -138,7 +142,7 @@ bool kn_draft_device(kn_draft *draft)
     d->force_limit_n = limits->clamp_n;
     d->force_scale = limits->force_scale;
     draft->device_whole = says_all(draft);
-    // an error points at the key that its text names
+    // if the problem names the basis, the error points at device.basis, else at device.rotation
     const char *problem = kn_device_check(d);
     kn_key_id key = problem && strstr(problem, "basis") ? KN_KEY_DEVICE_BASIS : KN_KEY_DEVICE_ROTATION;
     if (problem) return kn_draft_complain(draft, draft->at[0][key], "%s: %s", kn_keys[key].path, problem);

@@ -12,14 +12,14 @@
 
 typedef char path_text[2 * KN_PATH_MAX];
 
-// Return the length of the folder part of a path, slash included.
+// Return the number of characters of a path up to and including the last slash, 0 if there is no slash.
 static size_t folder_of(const char *path)
 {
     const char *slash = strrchr(path, '/');
     return slash ? (size_t)(slash + 1 - path) : 0;
 }
 
-// Return the member that holds the path of a file.
+// Return the text in the draft that holds the path of a mesh file.
 static char *path_of(kn_draft *draft, const kn_draft_file *file)
 {
     return kn_draft_field(draft, file->slot, file->path);
@@ -27,7 +27,8 @@ static char *path_of(kn_draft *draft, const kn_draft_file *file)
 
 static kn_mark mark_of(const kn_draft *draft, const kn_draft_file *file) { return draft->at[file->slot][file->path]; }
 
-// Compute the path as written: relative to the scene's folder, or to the working directory if a --set names the file.
+// Compute the path of a mesh file from the path in the scene. A path in the scene's file is relative to the folder of
+// that file. A path in a --set is relative to the working directory.
 static void as_written(kn_draft *draft, const kn_draft_file *file, path_text path)
 {
     const char *name = path_of(draft, file);
@@ -36,7 +37,8 @@ static void as_written(kn_draft *draft, const kn_draft_file *file, path_text pat
     snprintf(path, sizeof(path_text), "%.*s%s", (int)(folder < KN_PATH_MAX ? folder : 0), draft->file, name);
 }
 
-// Compute the path in the folder of the file that holds the text, because a log and its mesh are moved together.
+// Compute the path that a mesh file has if it lies in the folder of draft->beside. A log may have been moved together
+// with its mesh, so that the path in the log's scene is no longer right.
 static void as_moved(kn_draft *draft, const kn_draft_file *file, path_text path)
 {
     const char *name = path_of(draft, file);
@@ -45,7 +47,8 @@ static void as_moved(kn_draft *draft, const kn_draft_file *file, path_text path)
              draft->beside ? draft->beside : "", name + folder_of(name));
 }
 
-// Return NULL if the path is a regular file, else the reason. A pipe is refused: reading it might wait forever.
+// Return NULL if the path leads to a regular file, else the reason why not. A pipe is refused, because reading from a
+// pipe might wait forever.
 static const char *no_file(const char *path)
 {
     struct stat what;
@@ -53,14 +56,15 @@ static const char *no_file(const char *path)
     return S_ISREG(what.st_mode) ? NULL : "not a regular file";
 }
 
-// Return true if the text holds a hash that applies. The hash does not apply if a later --set names another file.
+// Return true if the file must have the hash in the text. A hash in the text does not count if a later --set names
+// another file.
 static bool hash_counts(const kn_draft *draft, const kn_draft_file *file)
 {
     kn_mark hash = draft->at[file->slot][file->hash];
     return hash.source != KN_SOURCE_DEFAULT && hash.source >= mark_of(draft, file).source;
 }
 
-// Load a file and compare its hash with the one in the text.
+// Load a mesh file and compare its hash with the hash in the text.
 static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
 {
     char name[KN_LINE_MAX];
@@ -72,11 +76,12 @@ static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
                                  ": the file has changed since, expected the old one (there, or beside this file)",
                                  kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
     *said = hash;
-    draft->at[file->slot][file->hash] = mark_of(draft, file); // mark the hash as given, so the canonical text holds it
+    draft->at[file->slot][file->hash] = mark_of(draft, file); // the hash counts as given: the canonical text holds it
     return true;
 }
 
-// Make the path absolute. With the absolute path in the canonical text, any program finds the file from any folder.
+// Replace the path of a mesh file in the draft by its absolute path. With the absolute path in the canonical text, a
+// program finds the file from any working directory.
 static bool make_absolute(kn_draft *draft, const kn_draft_file *file, const char *path)
 {
     char *absolute = realpath(path, NULL), name[KN_LINE_MAX];
@@ -92,7 +97,7 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
 {
     path_text path, moved;
     char name[KN_LINE_MAX];
-    // take the path as written if there is a regular file, else look beside the text
+    // use the path in the scene if it leads to a regular file, else look in the folder of draft->beside
     as_written(draft, file, path);
     as_moved(draft, file, moved);
     const char *why = no_file(path), *used = why ? moved : path;
@@ -100,7 +105,8 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
         return kn_draft_complain(draft, mark_of(draft, file), "%s: %s, expected %s",
                                  kn_draft_path(draft, file->slot, file->path, name), why, file->kind);
     if (!load(draft, file, used)) {
-        // the file has changed: look for the original beside the text, else keep the first error
+        // the file has another hash: look for the original in the folder of draft->beside; if that fails, too, report
+        // the first error
         char first[512];
         snprintf(first, sizeof first, "%s", draft->error);
         bool other =
@@ -113,7 +119,7 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file)
 
 const double kn_draft_units_per_m[4] = {1, 1e2, 1e3, 1e6};
 
-// Load an object's mesh, as kn_draft_file.load.
+// Load the mesh of the object into the scene. A callback kn_draft_file.load.
 static bool load_mesh(kn_draft *draft, int slot, const char *path, uint64_t *hash)
 {
     kn_msh_facts facts;
@@ -125,7 +131,7 @@ static bool load_mesh(kn_draft *draft, int slot, const char *path, uint64_t *has
     return draft->scene.mesh != NULL;
 }
 
-// Check the unit by the mean edge, then take the mesh as the object.
+// Check by the mean length of its edges that the mesh has the right unit. Then make the mesh the object of the model.
 static bool take_measures(kn_draft *draft)
 {
     kn_scene *scene = &draft->scene;

@@ -1,4 +1,4 @@
-// The lattice of each quality point, and the box of fine cells of a block of two resolutions.
+// The models of the quality points, and the box of fine cells in a block of two resolutions.
 #include "core/lattice/lattice.h"
 #include "core/scene/draft.h"
 
@@ -13,8 +13,9 @@
 static const kn_key_id overridden[] = {KN_KEY_ITERATIONS,    KN_KEY_ITERATIONS_MAX, KN_KEY_TOLERANCE, KN_KEY_PASSES,
                                        KN_KEY_LINEARIZATION, KN_KEY_PRECISION,      KN_KEY_SPACING};
 enum { KEYS = sizeof overridden / sizeof *overridden };
-static_assert(KN_KEY_BALANCED_ITERATIONS == KN_KEY_FAST_ITERATIONS + KEYS, "points stand in the table one by one");
-static_assert(KN_KEY_ACCURATE_ITERATIONS == KN_KEY_FAST_ITERATIONS + 2 * KEYS, "in the order of kn_quality");
+static_assert(KN_KEY_BALANCED_ITERATIONS == KN_KEY_FAST_ITERATIONS + KEYS, "the keys of balanced follow those of fast");
+static_assert(KN_KEY_ACCURATE_ITERATIONS == KN_KEY_FAST_ITERATIONS + 2 * KEYS,
+              "the keys of accurate follow those of balanced");
 
 // Return key number `i` of a quality point.
 static kn_key_id key_of(kn_quality quality, int i)
@@ -22,13 +23,13 @@ static kn_key_id key_of(kn_quality quality, int i)
     return (kn_key_id)(KN_KEY_FAST_ITERATIONS + (int)quality * KEYS + i);
 }
 
-// Return true if a quality point overrides key number `i`. A spacing does not apply to a mesh.
+// Return true if a quality point overrides key number `i`. A quality point cannot override the spacing of a mesh.
 static bool says(const kn_draft *draft, kn_quality quality, int i)
 {
     return kn_draft_given(draft, 0, key_of(quality, i)) && !(overridden[i] == KN_KEY_SPACING && *draft->mesh_path);
 }
 
-// Return true if the scene defines the point, i.e. overrides at least one key. OWN is always defined.
+// Return true if the scene defines the quality point, i.e. gives at least one of its keys. OWN is always defined.
 static bool defined(const kn_draft *draft, kn_quality quality)
 {
     bool any = quality == KN_QUALITY_OWN;
@@ -43,7 +44,8 @@ static void copy_value(kn_draft *draft, kn_key_id to, kn_key_id from)
     draft->at[0][to] = draft->at[0][from];
 }
 
-// Let a --set of a solver key override the chosen point, too. Otherwise the --set would have no effect.
+// If a --set changes a key that the chosen quality point overrides, change the value of the quality point, too.
+// Otherwise the --set would have no effect.
 static void take_sets(kn_draft *draft, kn_quality chosen)
 {
     for (int i = 0; i < KEYS; i++)
@@ -51,7 +53,8 @@ static void take_sets(kn_draft *draft, kn_quality chosen)
             copy_value(draft, key_of(chosen, i), overridden[i]);
 }
 
-// Compute the model of a point: copy the draft, override its keys, and check the rules again.
+// Compute the model of a quality point: copy the draft, override the keys that the point gives, and check the rules
+// again.
 static bool try_point(const kn_draft *draft, kn_quality quality, kn_model_def *made)
 {
     kn_draft copy = *draft;
@@ -78,18 +81,18 @@ bool kn_draft_quality(kn_draft *draft)
 {
     kn_model_def made[KN_QUALITIES];
     if (!kn_draft_given(draft, 0, KN_KEY_CHOSEN)) draft->chosen = KN_QUALITY_OWN;
-    // OWN is the default and does not appear in the canonical text
+    // OWN is the default, so quality.chosen: own does not appear in the canonical text
     if (draft->chosen == KN_QUALITY_OWN) draft->at[0][KN_KEY_CHOSEN].source = KN_SOURCE_DEFAULT;
     else if (!defined(draft, (kn_quality)draft->chosen)) return complain_undefined(draft);
     else take_sets(draft, (kn_quality)draft->chosen);
 
-    // every defined point must be valid, not only the chosen one
+    // every quality point that the scene defines must be valid, not only the chosen point
     made[KN_QUALITY_OWN] = draft->scene.model;
     for (kn_quality q = 0; q < KN_QUALITY_OWN; q++)
         if (defined(draft, q) && !try_point(draft, q, &made[q])) return false;
     draft->scene.quality = (kn_quality)draft->chosen;
     draft->built = made[draft->chosen];
-    // a running server can switch to a point only if lattice and precision stay the same
+    // a running server can switch to a quality point only if lattice and precision stay the same
     for (kn_quality q = 0; q < KN_QUALITIES; q++) {
         if (!defined(draft, q)) continue;
         const kn_solver_def *s = &made[q].solver;
@@ -103,14 +106,16 @@ bool kn_draft_quality(kn_draft *draft)
 
 // --- box of fine cells ----------------------------------------------------------------------------------------------
 
-// Margin of fine cells around the tools' reach, in tool widths. Measured on dough at 16 000 nodes with a spacing of a
-// sixth of the tool's width: the force is within 0.3 to 0.7 % of that of a uniform lattice. Half the margin costs 2.5
-// %.
+// Default margin of fine cells around the reach of the tools, in widths of the widest tool. It was measured on dough at
+// 16 000 nodes with a spacing of a sixth of the tool's width. The force differs from that of a uniform lattice by 0.3
+// to 0.7 %. With half the margin the force differs by 2.5 %.
 #define MARGIN_WIDTHS 0.7
-#define BELOW 1.5 // depth of the box of fine cells, in margins: below a tool pressed in by its width, a width remains
+// Depth of the box of fine cells below the top of the block, in margins. With the default margin, it is about as deep
+// as the widest tool is wide.
+#define BELOW 1.5
 
-// Return the width of the contact that strains the object. It is the narrow side of a strip; the contact of a ball is
-// narrower than the ball.
+// Return the width of a tool's contact, m: for a plate or box the shortest side, for a cross the arm width or the
+// height if that is less, for a round tool 1.5 radii.
 static double width_of(const kn_probe_def *probe)
 {
     if (probe->shape == KN_PROBE_PLATE) return fmin(probe->size_m[0], probe->size_m[1]);
@@ -119,7 +124,8 @@ static double width_of(const kn_probe_def *probe)
     return 1.5 * (probe->parts ? probe->parts->fine_m : probe->radius_m);
 }
 
-// Return how far a tool reaches from its centre along an axis, whether the tool is level or turned.
+// Return the distance from a probe's centre to the farthest point of its tool along x (k = 0) or y (k = 1), m: an upper
+// limit for every rotation of the tool.
 static double half_of(const kn_probe_def *probe, int k)
 {
     const double *size = probe->size_m;
@@ -131,13 +137,14 @@ static double half_of(const kn_probe_def *probe, int k)
     }
 }
 
-// Check that a probe has a reach with its ends in order.
+// Check that a probe has a reach whose lower limits are not above its upper limits.
 static bool check_reach(kn_draft *draft, int slot)
 {
     const kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
     if (!kn_draft_given(draft, slot, KN_KEY_PROBE_REACH))
-        return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY],
-                                 "probes.%s.reach is missing, expected [x, x, y, y] with object.accuracy", probe->name);
+        return kn_draft_complain(
+            draft, draft->at[0][KN_KEY_ACCURACY],
+            "probes.%s.reach is missing, expected [x_min, x_max, y_min, y_max] with object.accuracy", probe->name);
     for (int k = 0; k < 2; k++)
         if (probe->reach_m[k][0] > probe->reach_m[k][1])
             return kn_draft_complain(draft, draft->at[slot][KN_KEY_PROBE_REACH],
@@ -146,7 +153,7 @@ static bool check_reach(kn_draft *draft, int slot)
     return true;
 }
 
-// Extend the range low..high by the reach of a probe.
+// Extend the rectangle from low_m to high_m, so that a probe stays within it anywhere in its reach.
 static void add_reach(const kn_probe_def *probe, double low_m[3], double high_m[3])
 {
     for (int k = 0; k < 2; k++) {
@@ -156,7 +163,7 @@ static void add_reach(const kn_probe_def *probe, double low_m[3], double high_m[
     }
 }
 
-// Return true if the tools can never be above the block.
+// Return true if the rectangle from low_m to high_m, which all tools can reach, lies beside the block.
 static bool is_off(const kn_model_def *def, const double low_m[3], const double high_m[3])
 {
     bool off = false;
@@ -173,11 +180,10 @@ bool kn_draft_fine(kn_draft *draft)
     double low_m[3] = {INFINITY, INFINITY}, high_m[3] = {-INFINITY, -INFINITY}, width = 0;
     memset(def->fine, 0, sizeof def->fine);
     if (!kn_draft_given(draft, 0, KN_KEY_ACCURACY) || draft->scene.accuracy == 0) return true;
-    // refuse an unfit object even if the tools' reach would leave no coarse cell, because the scene asks for this
-    // accuracy
+    // the scene asks for coarse cells, so refuse an object that cannot have any; the reach of the tools does not matter
     const char *unfit = kn_composite_unfit(def);
     if (unfit) return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY], "object.accuracy: %s", unfit);
-    // range of all tools, and width of the widest tool
+    // rectangle that all tools can reach, and width of the widest tool
     for (int slot = 1; slot <= def->probe_count; slot++) {
         if (!check_reach(draft, slot)) return false;
         add_reach(&def->probe[slot - 1], low_m, high_m);
@@ -192,13 +198,14 @@ bool kn_draft_fine(kn_draft *draft)
                                      "xyz"[k], def -> nodes[k] - 1);
     if (def->probe_count > 0 && is_off(def, low_m, high_m))
         return kn_draft_complain(draft, draft->at[1][KN_KEY_PROBE_REACH],
-                                 "probes.%s.reach and all others lie outside the object, expected a reach on it",
+                                 "probes.%s.reach and the reach of every other probe lie outside the object, "
+                                 "expected at least one on the object",
                                  def->probe[0].name);
-    // the box of fine cells reaches from the top down by BELOW margins; kn_composite_box adds one of these margins
+    // the box of fine cells reaches from the top down by BELOW margins, of which kn_composite_box adds one
     double margin = kn_draft_given(draft, 0, KN_KEY_MARGIN) ? draft->margin_m : MARGIN_WIDTHS * width;
     high_m[2] = (def->nodes[2] - 1) * def->spacing_m;
     low_m[2] = high_m[2] - (BELOW - 1) * margin;
-    // without probes or without coarse cells the whole block stays uniform
+    // the block stays uniform if there is no probe, or if the box of fine cells covers the whole block
     if (def->probe_count == 0 || !kn_composite_box(def, low_m, high_m, margin, def->fine))
         memset(def->fine, 0, sizeof def->fine);
     const char *wrong = kn_composite_check(def);

@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Compute the rotation about the fixed axes x, then y, then z: Rz Ry Rx, like roll, pitch and yaw in robot
-// descriptions.
+// Compute the rotation matrix Rz Ry Rx of three angles: a rotation about the fixed axis x, then about y, then about z,
+// like roll, pitch and yaw in robot descriptions.
 static void turn_of(const double rad[3], double turn[3][3])
 {
     const double c[3] = {cos(rad[0]), cos(rad[1]), cos(rad[2])}, s[3] = {sin(rad[0]), sin(rad[1]), sin(rad[2])};
@@ -19,7 +19,8 @@ static void turn_of(const double rad[3], double turn[3][3])
     memcpy(turn, of, sizeof of);
 }
 
-// Add a part of a union to the tool at its place. A cross adds two solids.
+// Add a part of a union to the tool, with the part's position and rotation. A cross consists of two solids. Return
+// false if the tool would have too many solids.
 static bool add_part(kn_shape *tool, const kn_draft_part *part)
 {
     kn_shape own = {0};
@@ -34,7 +35,7 @@ static bool add_part(kn_shape *tool, const kn_draft_part *part)
     return fits;
 }
 
-// Make a union of its parts.
+// Make the tool of a probe whose shape is a union: add up its parts.
 static bool make_union(kn_draft *draft, int slot)
 {
     kn_probe_def *probe = &draft->scene.model.probe[slot - 1];
@@ -45,20 +46,22 @@ static bool make_union(kn_draft *draft, int slot)
         of->as.shape = kn_draft_shape(draft, part);
         if (!add_part(tool, of))
             return kn_draft_complain(draft, draft->at[part][KN_KEY_PART_SHAPE],
-                                     "probes.%s.parts has more than %d parts, a cross counts twice, expected fewer",
+                                     "probes.%s.parts has more than %d parts (a cross counts as two), expected fewer",
                                      probe->name, KN_PARTS_MAX);
     }
     probe->parts = tool;
     return true;
 }
 
-// Cells of a field per lattice spacing, at best and at least. With 8, the error of a curved tool's grid is less than
-// the depth by which its contact's layer is pressed in.
+// Number of cells of a tool's grid of distances per lattice spacing: the default, and the least that is allowed. With
+// 8, the error of the grid of a curved tool is less than the depth by which the tool presses in the contact's
+// foundation.
 #define CELLS_FINE 8
 #define CELLS_COARSE 3
 #define FARTHEST_M 10.0 // largest coordinate of a corner in the tool frame; the key `at` of a part has the same limit
 
-// Choose the cell side of a surface's grid: as requested, else as fine as the memory allows.
+// Choose the cell side of the grid of distances to a surface: the side that the scene gives, else the default, or a
+// wider one if the grid would have too many points.
 static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double *cell_m)
 {
     const kn_draft_surface *surface = &draft->surface[slot - 1];
@@ -75,7 +78,7 @@ static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double
         return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_CELL],
                                  "probes.%s.mesh_cell is %g m, expected at most a third of the spacing, %.3g m",
                                  draft->scene.model.probe[slot - 1].name, surface->cell_m, coarse_m);
-    // without a request, start fine and widen the cells until the grid fits
+    // if the scene gives no cell side, start with the default and widen the cells until the grid fits
     *cell_m = surface->cell_m > 0 ? surface->cell_m : spacing_m / CELLS_FINE;
     while (surface->cell_m == 0 && *cell_m < coarse_m && kn_field_points(extent_m, *cell_m) > KN_FIELD_POINTS_MAX)
         *cell_m = fmin(1.05 * *cell_m, coarse_m);
@@ -84,8 +87,8 @@ static bool choose_cell(kn_draft *draft, int slot, const kn_shell *shell, double
     kn_mark at = draft->at[slot][surface->cell_m > 0 ? KN_KEY_SURFACE_CELL : KN_KEY_SURFACE_UNIT];
     return kn_draft_complain(draft, at,
                              "probes.%s.mesh is %.3g x %.3g x %.3g m: with cells of %.3g m it needs %.3g "
-                             "MB, expected at most %.3g MB: wider cells, up to a third of the spacing, or a smaller "
-                             "tool",
+                             "MB, expected at most %.3g MB: use wider cells, up to a third of the spacing, or a "
+                             "smaller tool",
                              draft->scene.model.probe[slot - 1].name, extent_m[0], extent_m[1], extent_m[2], *cell_m,
                              4e-6 * points, 4e-6 * KN_FIELD_POINTS_MAX);
 }
@@ -119,13 +122,13 @@ static bool make_field(kn_draft *draft, int slot, kn_shell *shell)
                                  "probes.%s.mesh: not enough memory for its grid, or rounding leaves its "
                                  "surface open",
                                  name);
-    kn_shape_drop(tool); // drop the shape of a file that was loaded before
+    kn_shape_drop(tool); // a first call may have loaded another file; drop its shape
     *tool = (kn_shape){0};
     const kn_solid solid = kn_solid_field(field);
     return kn_shape_add(tool, &solid);
 }
 
-// Load a surface file, as kn_draft_file.load.
+// Load the surface file of a tool into the scene. A callback kn_draft_file.load.
 static bool load_surface(kn_draft *draft, int slot, const char *path, uint64_t *hash)
 {
     size_t size;
@@ -157,7 +160,7 @@ bool kn_draft_tools(kn_draft *draft)
     return true;
 }
 
-// Check the measures of a tool that is not made of parts.
+// Check that a tool of one of the simple shapes is wide enough for the spacing of the lattice.
 static bool solid_fits(kn_draft *draft, int slot)
 {
     static const kn_key_id sizes[] = {KN_KEY_PROBE_EXTENT, KN_KEY_PROBE_RADIUS, KN_KEY_PROBE_LENGTH, KN_KEY_PROBE_EDGE};
@@ -166,7 +169,7 @@ static bool solid_fits(kn_draft *draft, int slot)
     if (probe->shape == KN_PROBE_UNION || probe->shape == KN_PROBE_MESH) return true;
     const char *unfit = kn_tool_unfit(probe, def->spacing_m);
     kn_mark at = draft->at[slot][KN_KEY_PROBE_SHAPE], spacing = draft->at[0][KN_KEY_SPACING];
-    // blame the measure that was written last
+    // an error points at the size that was written last
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         kn_mark size = draft->at[slot][sizes[i]];
         if (size.source > at.source || (size.source == at.source && size.line >= at.line)) at = size;
@@ -180,13 +183,13 @@ bool kn_draft_tool_fits(kn_draft *draft, int slot)
     const kn_model_def *def = &draft->scene.model;
     const kn_probe_def *probe = &def->probe[slot - 1];
     if (!solid_fits(draft, slot)) return false;
-    // a surface that is too narrow usually has a wrong unit
+    // if a surface is too narrow, its unit is usually wrong, so the error points at the unit
     const char *wide = probe->shape == KN_PROBE_MESH ? kn_tool_unfit(probe, def->spacing_m) : NULL;
     if (wide)
         return kn_draft_complain(draft, draft->at[slot][KN_KEY_SURFACE_UNIT],
                                  "probes.%s.mesh: %s (spacing %g m, half width %.3g m): is its unit right?",
                                  probe->name, wide, def->spacing_m, probe->parts->fine_m);
-    // in a union, check every part by itself
+    // each part of a union must itself be wide enough
     for (int i = 0; i < draft->part_count[slot - 1]; i++) {
         const int part = kn_slot_of_part(slot, i);
         const char *unfit = kn_tool_unfit(&draft->part[part - 1 - KN_PROBES_MAX].as, def->spacing_m);

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Return the unit of a key; dimensionless if it has none.
+// Return the unit of a key, or a dimensionless unit if the key has none.
 static kn_unit unit_of(const kn_key *key)
 {
     kn_unit unit = {0};
@@ -27,8 +27,8 @@ int kn_choice_of(const char *words, const char *word)
     }
 }
 
-// Read a quantity in the unit of the key and check dimension and range. The range of a modulus is checked later,
-// because a modulus may be given per height of a specimen.
+// Read a quantity, convert it to the unit of the key, and check dimension and range. The range of a modulus is not
+// checked here, because a modulus may be given per height of a specimen and must then be multiplied first.
 static bool read_number(const kn_key *key, double *value, const char *text, bool *per_height, char problem[KN_LINE_MAX])
 {
     kn_quantity q;
@@ -39,7 +39,7 @@ static bool read_number(const kn_key *key, double *value, const char *text, bool
     *value = kn_quantity_in(&q, &unit);
     bool modulus = key->type == KN_TYPE_MODULUS;
     if (modulus) *per_height = false;
-    // a zero needs no unit; any other number needs one of the key's dimension
+    // any number except 0 needs a unit, and the unit must have the dimension of the key's unit
     if (q.bare && *key->unit && *value != 0) {
         snprintf(problem, KN_LINE_MAX, "'%.24s' has no unit", text);
     } else if (modulus && !q.bare && kn_unit_same_dimension(&q.unit, &per_metre)) {
@@ -58,7 +58,7 @@ static bool read_number(const kn_key *key, double *value, const char *text, bool
     return false;
 }
 
-// Read the name of a probe, which becomes a part of channel names.
+// Read the name of a probe. Channel names will contain this name.
 static bool read_name(char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
@@ -68,12 +68,12 @@ static bool read_name(char *field, const char *text, char problem[KN_LINE_MAX])
     return fits;
 }
 
-// Decode the UTF-8 code point at *s and advance *s to the next. Return 0 if the bytes are not valid UTF-8.
+// Return the UTF-8 code point at *s and advance *s to the next code point. Return 0 if the bytes are not valid UTF-8.
 static unsigned decode(const unsigned char **s)
 {
     static const unsigned least[] = {0, 0x80, 0x800, 0x10000};
     const unsigned char *p = *s;
-    // the number of further bytes follows from the leading bits of the first
+    // the leading bits of the first byte tell how many more bytes belong to the code point
     int more = *p < 0x80 ? 0 : *p >> 5 == 6 ? 1 : *p >> 4 == 14 ? 2 : *p >> 3 == 30 ? 3 : -1;
     if (more < 0) return 0;
     unsigned code = more == 0 ? *p : *p & (0x3fu >> more);
@@ -82,21 +82,22 @@ static unsigned decode(const unsigned char **s)
         code = code << 6 | (p[k] & 0x3fu);
     }
     *s = p + more + 1;
-    return code >= least[more] ? code : 0; // longer encodings than needed are invalid
+    return code >= least[more] ? code : 0; // an encoding with more bytes than needed is invalid
 }
 
 bool kn_key_quotable(const char *text)
 {
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
         unsigned c = decode(&s);
-        // control characters, line separators, byte order mark; then surrogates and code points that are no characters
+        // refuse control characters, line separators and the byte order mark
         if (c < ' ' || (c >= 0x7f && c < 0xa0) || c == 0x2028 || c == 0x2029 || c == 0xfeff) return false;
+        // refuse surrogates, and code points that are not characters
         if ((c >= 0xd800 && c < 0xe000) || c == 0xfffe || c == 0xffff || c > 0x10ffff) return false;
     }
     return true;
 }
 
-// Read a file name with one of the key's endings, which have 4 characters.
+// Read a file name that ends in one of the key's file endings, which have 4 characters each.
 static bool read_path(const kn_key *key, char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
@@ -126,7 +127,7 @@ static bool read_choice(const kn_key *key, int *field, const char *text, char pr
 bool kn_key_read(const kn_key *key, void *field, const char *const *text, int count, bool *per_height,
                  char problem[KN_LINE_MAX])
 {
-    // a flat object has two extents, x and z
+    // a flat object has two extents, along x and z
     bool flat = key->type == KN_TYPE_EXTENT && count == 2;
     if (count != key->count && !flat) {
         snprintf(problem, KN_LINE_MAX, "%d value%s given", count, count == 1 ? "" : "s");
@@ -179,7 +180,7 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
     return text;
 }
 
-// Return the fewest digits, 15 or more, that read back as the same bits.
+// Return how many digits (15 to 17) must be printed so that the number reads back as the same bits.
 static int digits_of(double value)
 {
     char text[40];
@@ -203,7 +204,7 @@ const char *kn_key_print(const kn_key *key, const void *field, char text[KN_LINE
         for (int i = *(const int *)field; i > 0; i--) unit += strcspn(unit, "|") + 1;
         snprintf(text, KN_LINE_MAX, "%.*s", (int)strcspn(unit, "|"), unit);
     } else {
-        // print one number or a list; a flat object's extent along y, which is 0, is left out
+        // print one number or a list; leave out the extent of a flat object along y, which is 0
         const double *value = field;
         int n = snprintf(text, KN_LINE_MAX, key->count > 1 ? "[" : "");
         for (int i = 0; i < key->count; i++)
@@ -226,7 +227,7 @@ const kn_key *kn_key_find(const char *path, bool *is_group)
     return NULL;
 }
 
-// Return the number of edits that turn a into b (Levenshtein distance). One row is enough, because names are short.
+// Return the number of edits that turn `a` into `b` (Levenshtein distance), or 64 if `b` is too long for the table.
 static int distance(const char *a, const char *b)
 {
     // row[j]: number of edits that turn the first characters of `a`, read so far, into the first j characters of `b`
@@ -246,10 +247,11 @@ static int distance(const char *a, const char *b)
     return row[n];
 }
 
-// Return the last name of a path.
+// Return the last name of a path: "k1" of "material.k1".
 static const char *leaf_of(const char *path) { return strrchr(path, '.') ? strrchr(path, '.') + 1 : path; }
 
-// Print the names below a mapping, each once: "expected one of: k1, c1, damper". `size`: length of the mapping's path.
+// Write the names of all keys and mappings in one mapping: "expected one of: k1, c1, damper". The path of the mapping
+// is the first `size` characters of `parent`, dot included.
 static void list_below(const char *parent, size_t size, char text[KN_LINE_MAX])
 {
     const char *last = "";
@@ -264,7 +266,7 @@ static void list_below(const char *parent, size_t size, char text[KN_LINE_MAX])
     }
 }
 
-// Return the length of the common beginning of two texts.
+// Return the number of characters at the beginning of two texts that are equal.
 static size_t common(const char *a, const char *b)
 {
     size_t n = 0;
@@ -272,15 +274,17 @@ static size_t common(const char *a, const char *b)
     return n;
 }
 
-// Take the path's last name as the best hint if it is fewer edits away than the best hint so far. If the number of
-// edits is equal, the path must have a longer beginning in common with the wrong path. `handicap`: edits added to the
-// candidate's.
+// Compare one existing path (the first `size` characters of `path`) with the best suggestion so far for a wrong path.
+// If the existing path is better, write it into `text`. It is better if fewer edits turn the last name of the wrong
+// path into its last name. If the number of edits is equal, the path with the longer beginning in common with the wrong
+// path is better. `handicap`: added to the number of edits. *least, *near: edits and common beginning of the best
+// suggestion.
 static void consider(const char *wrong, const char *path, size_t size, int handicap, int *least, size_t *near,
                      char text[KN_LINE_MAX])
 {
     const char *name = leaf_of(wrong);
     char candidate[KN_LINE_MAX];
-    // the last name of the candidate's path
+    // find the last name of the existing path
     const char *last = path + size;
     while (last > path && last[-1] != '.') last--;
     snprintf(candidate, sizeof candidate, "%.*s", (int)(path + size - last), last);
@@ -297,19 +301,18 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
     size_t parent = (size_t)(name - path);
     const int another = strlen(name) > 4 ? 3 : 2; // names that differ by this many edits or more are not similar
     int least = another;
-    size_t near = strlen(path); // a hint that needs as many edits can never have a longer common path
+    size_t near = strlen(path); // so the first suggestion must have fewer edits than `another`
     for (const kn_key *key = kn_keys; key < kn_keys + KN_KEY_COUNT; key++) {
-        // names in the same mapping, and all keys of other mappings
+        // consider the name in the mapping of the wrong path, then the whole path, which must be one edit better
         bool sibling = strncmp(key->path, path, parent) == 0;
         if (sibling) consider(path, key->path, parent + strcspn(key->path + parent, "."), 0, &least, &near, text);
-        consider(path, key->path, strlen(key->path), 1, &least, &near,
-                 text); // a key of another mapping must fit better
+        consider(path, key->path, strlen(key->path), 1, &least, &near, text);
     }
     if (least == another) list_below(path, parent, text);
     return text;
 }
 
-// Print one line of the table for `knead check --keys`.
+// Write the line of one key for the table of `knead check --keys`.
 static void describe(const kn_key *key, char *line, size_t size)
 {
     static const char *const required[] = {[KN_WHEN_ALWAYS] = "required",
@@ -342,7 +345,7 @@ static void describe(const kn_key *key, char *line, size_t size)
 
 const char *const *kn_scene_keys(void)
 {
-    // built at every call in static memory, with a heading as the first line
+    // every call writes the same lines into static memory; the first line is the heading
     static char line[KN_KEY_COUNT + 1][KN_LINE_MAX];
     static const char *lines[KN_KEY_COUNT + 2];
     snprintf(line[0], KN_LINE_MAX, "%-24s %-26s %-15s %-23s %s", "key", "value", "range", "default", "meaning");

@@ -1,7 +1,8 @@
 #ifndef KN_CORE_SCENE_MESH_FILE_H
 #define KN_CORE_SCENE_MESH_FILE_H
 // Readers of mesh files: Gmsh meshes (msh.c), closed surfaces from OBJ and STL files (shell.c), and the words and
-// numbers of both (words.c).
+// numbers of which these files consist (words.c). The functions allocate memory and read files: not for a real-time
+// loop.
 #include "core/simplices.h"
 #include <stdint.h>
 
@@ -12,44 +13,45 @@
 //
 // Four-node tetrahedra make an object in three dimensions. The points, lines and surface triangles that Gmsh saves with
 // them are left out. Three-node triangles alone make an object in two dimensions. They must lie in a plane z = const,
-// whose y becomes the scene's z, or in a plane y = const. Triangles that are seen from behind are reversed together.
-// For any other kind of element, the file is refused and the error names the kind. Nodes without an element (centres of
-// arcs) are left out. The result passes kn_simplices_check.
+// whose y becomes the scene's z, or in a plane y = const. If most triangles are seen from behind, all triangles are
+// reversed. A file with any other kind of element is refused, and the error names the kind. Nodes that belong to no
+// element (such as centres of arcs) are left out. The result passes kn_simplices_check.
 //
 // Every error is one line, `file:line:col: what is wrong, what was expected`, or `file:1:1: byte N: ...` in a binary
-// file. Memory and time are bounded by the size of the file, whatever counts the file declares.
+// file. The size of the file bounds memory and time, even if the file declares wrong counts.
 
 typedef struct kn_msh_facts {
     const char *format; // format of the file: "2.2 ASCII", "4.1 binary", ...
-    int left_out;       // number of elements that were left out because their dimension is lower
-    int loose;          // number of nodes that were left out because they belong to no element
+    int left_out;       // number of elements left out because their dimension is lower than that of the mesh
+    int loose;          // number of nodes left out because they belong to no element of the mesh
     uint64_t hash;      // hash of the file's contents (kn_hash_bytes)
 } kn_msh_facts;
 
-// Read a mesh from bytes. `units_per_m`: file units per metre, 1000 for millimetres. Coordinates are divided by
-// units_per_m, so that 5 mm and 0.005 m give the same bits. facts may be NULL. Return NULL with one line in error if
-// anything is wrong.
+// Read a mesh from the bytes of a file. `units_per_m`: units of the file per metre, 1000 for millimetres. Coordinates
+// are divided by units_per_m, so that 5 mm and 0.005 m give the same bits. `facts` may be NULL. Return the mesh, which
+// the caller destroys. If anything is wrong, return NULL and write one line into `error`, a buffer of error_size bytes.
 kn_simplices *kn_msh_read(const char *name, const void *bytes, size_t size, double units_per_m, kn_msh_facts *facts,
                           char *error, size_t error_size);
-// Read a mesh from a file of at most 256 MiB.
+// Read a mesh from a file of at most 256 MiB. Arguments and result are those of kn_msh_read.
 kn_simplices *kn_msh_load(const char *path, double units_per_m, kn_msh_facts *facts, char *error, size_t error_size);
 
 // --- closed surfaces ------------------------------------------------------------------------------------------------
 
-// The closed surface of a solid as triangles, from an OBJ or STL file (text or binary). `knead mesh` fills it with
-// tetrahedra, and a tool may have it as its shape (core/field.h). Corners in one place become one vertex. Polygons
-// become fans of triangles. Triangles in which two corners are one vertex are dropped.
+// The closed surface of a solid as triangles, from an OBJ or STL file (text or binary). `knead mesh` fills the surface
+// with tetrahedra, and a tool may have a surface as its shape (core/field.h). Corners at the same position become one
+// vertex. Polygons become fans of triangles. Triangles of which two corners are the same vertex are dropped.
 //
-// The surface must be watertight: every edge belongs to two triangles, which run along it in opposite directions. There
-// must be only one closed surface, because it is unclear whether the space between two of them is solid. An error names
-// the place of a triangle in the file, `file:line:col: what is wrong, what was expected`. Triangles count from 1.
+// The surface must be watertight: every edge belongs to two triangles, which run along the edge in opposite directions.
+// There must be only one closed surface, because the space between two surfaces might be solid or empty. An error names
+// the place of a triangle in the file, `file:line:col: what is wrong, what was expected`. Messages count triangles
+// from 1.
 
 typedef struct kn_shell {
     int vertex_count;
     double (*x)[3]; // [vertex_count] positions, in the file's unit of length
     int triangle_count;
     int (*triangle)[3]; // [triangle_count] vertices of each triangle
-    double volume;      // enclosed volume, cube of the file's unit
+    double volume;      // enclosed volume, in the cube of the file's unit
     double extent;      // longest side of the bounding box, in the file's unit
 } kn_shell;
 
@@ -58,30 +60,31 @@ typedef struct kn_shell {
 // Return true if a file name ends in .obj or .stl, in upper or lower case.
 bool kn_shell_named(const char *path);
 
-// Read a surface from bytes or from a file. The name's ending tells the format. Return NULL with one line in error if
-// anything is wrong.
+// Read a surface from the bytes of a file, or from a file. The ending of the name tells the format. Return the surface,
+// which the caller destroys. If anything is wrong, return NULL and write one line into `error`, a buffer of error_size
+// bytes.
 kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *error, size_t error_size);
 kn_shell *kn_shell_load(const char *path, char *error, size_t error_size);
 void kn_shell_destroy(kn_shell *shell); // does nothing if `shell` is NULL
 
-// Write a surface for gmsh (STL) or for tetgen (OFF). Return false if the file cannot be written.
+// Write a surface to a file for gmsh (STL) or for tetgen (OFF). Return false if the file cannot be written.
 bool kn_shell_write_stl(const kn_shell *shell, const char *path);
 bool kn_shell_write_off(const kn_shell *shell, const char *path);
 
 // --- words and numbers ----------------------------------------------------------------------------------------------
 
-// The words and numbers of a mesh file, one after the other. Numbers may be text or bytes; the caller does not see the
-// difference. Every function returns false with one line in error if the expected item is not there.
+// A reader of the words and numbers of a mesh file, one after the other. The calls are the same for text and for binary
+// files. If the expected word or number is missing or wrong, a function returns false and writes one line into `error`.
 
 #define KN_WORD_MAX 64 // size of the buffer for a word, NUL included [bytes]; longer words are cut
 
 typedef struct kn_words {
     const char *name;           // name of the file, for error messages
     const unsigned char *bytes; // contents of the file, not owned
-    size_t size, at;            // number of bytes; position of the next byte to read
-    size_t begun;               // position of the last word or number that was read
+    size_t size, at;            // number of bytes in the file; position of the next byte to read
+    size_t begun;               // position where the last word or number begins that was read
     const char *section;        // section that is being read, e.g. "$Nodes", for error messages
-    bool binary;                // numbers are stored in binary, little-endian
+    bool binary;                // numbers of the file are binary, little-endian; false: numbers are text
     char *error;
     size_t error_size;
 } kn_words;
@@ -90,27 +93,30 @@ typedef enum kn_width { KN_WIDTH_INT = 4, KN_WIDTH_LONG = 8 } kn_width; // bytes
 
 #define KN_WORDS_MAX_BYTES (256 << 20) // largest size of a file
 
-// Return the bytes of a file or pipe; the caller frees them. Return NULL with one line in error if it cannot be read.
+// Return the bytes of a file or pipe; the caller frees them. If the file cannot be read, return NULL and write one line
+// into `error`.
 unsigned char *kn_words_load(const char *path, size_t *size, char *error, size_t error_size);
 
-// Write an error about the byte at `at`: "name:line:col: ...", or "name:1:1: byte at: ..." in a binary file. Always
-// return false.
+// Write an error about byte number `at` of the file: "name:line:col: MESSAGE" for a text file, "name:1:1: byte AT:
+// MESSAGE" for a binary file. Always return false.
 __attribute__((format(printf, 3, 4))) bool kn_words_complain(kn_words *w, size_t at, const char *format, ...);
 
-// Read the next word between white space into `text`. Return the word's full length, 0 at the end of the file.
+// Read the next word between white space into `text`, cut if it is too long. Return the length of the uncut word, 0 at
+// the end of the file.
 size_t kn_words_next(kn_words *w, char text[KN_WORD_MAX]);
 
-// Read the next number. `what`: description for error messages, e.g. "the number of nodes".
+// Read the next number. An integer must be from `least` to `most`; `width` is its size in a binary file. `what`:
+// description of the number for error messages, e.g. "the number of nodes".
 bool kn_words_integer(kn_words *w, kn_width width, long least, long most, long *value, const char *what);
 bool kn_words_real(kn_words *w, double *value); // the number must be finite
 
-// Check that the file still has at least `count` times `each` bytes for `count` items. Call before allocating memory
-// for them.
+// Check that the file still has `count` times `each` bytes: the fewest that `count` items take. Call before memory for
+// the items is allocated. `what`: name of the items for error messages.
 bool kn_words_room(kn_words *w, long count, size_t each, const char *what);
 
-// Read the end of the line that announces binary data; the data begins behind it. In text, do nothing.
+// Skip the line end that comes before binary data. In a text file, do nothing.
 bool kn_words_line_end(kn_words *w);
-// Read the word that ends the section, "$EndNodes".
+// Read the word that ends the present section, e.g. "$EndNodes".
 bool kn_words_section_end(kn_words *w);
 
 #endif

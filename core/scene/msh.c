@@ -7,12 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct tagged { // a node's number in the file and its index in memory
+typedef struct tagged { // number of a node in the file, and index of the node in memory
     long tag;
     int index;
 } tagged;
 
-typedef struct found { // a triangle (node[3] is -1) or tetrahedron
+typedef struct found { // an element that was read: a triangle (node[3] is -1) or a tetrahedron
     int node[4];
     long tag;
     size_t at; // position of the element in the file [bytes]
@@ -29,12 +29,12 @@ typedef struct reader {
 
 #define complain(r, ...) kn_words_complain(&(r)->words, __VA_ARGS__)
 #define integer(r, ...) kn_words_integer(&(r)->words, __VA_ARGS__)
-static const kn_width INT = KN_WIDTH_INT, LONG = KN_WIDTH_LONG; // widths of the format's int and size_t
+static const kn_width INT = KN_WIDTH_INT, LONG = KN_WIDTH_LONG; // widths of int and size_t in a Gmsh file
 
 // ---- sections
 
-// Read $MeshFormat: version, text or binary, bytes of a real. A binary file then holds the integer 1, which shows the
-// byte order.
+// Read the section $MeshFormat: the version, 0 for text or 1 for binary, and the bytes of a real. In a binary file the
+// integer 1 follows, which shows the byte order.
 static bool read_format(reader *r)
 {
     char text[KN_WORD_MAX];
@@ -72,7 +72,8 @@ static int by_tag(const void *a, const void *b)
     return p->tag < q->tag ? -1 : p->tag > q->tag;
 }
 
-// Allocate room for the nodes. `each`: least bytes of a node in the file, so that a wrong count cannot allocate much.
+// Allocate memory for `count` nodes. `each`: fewest bytes that a node takes in the file. A count for which the file is
+// too short is refused, so a wrong count cannot allocate much memory.
 static bool make_nodes(reader *r, long count, size_t each)
 {
     if (!kn_words_room(&r->words, count, each, "nodes")) return false;
@@ -81,7 +82,7 @@ static bool make_nodes(reader *r, long count, size_t each)
     return (r->x && r->tag) || complain(r, r->words.begun, "not enough memory for %ld nodes", count);
 }
 
-// Read the coordinates of a node and skip its parameters.
+// Read the coordinates of a node. Skip the parameters that follow the coordinates of a parametric node.
 static bool take_place(reader *r, int node, int parameters)
 {
     double ignored;
@@ -90,14 +91,14 @@ static bool take_place(reader *r, int node, int parameters)
     return true;
 }
 
-// Read the number that the file gives to a node.
+// Read the number that a node has in the file.
 static bool take_node_tag(reader *r, kn_width width, int node)
 {
     r->tag[node].index = node;
     return integer(r, width, 0, LONG_MAX, &r->tag[node].tag, "a node's number");
 }
 
-// Read the nodes of version 2.2: a count, then number and coordinates of each node.
+// Read the nodes of a version 2.2 file: a count, then number and coordinates of each node.
 static bool read_nodes_2(reader *r)
 {
     long count;
@@ -112,7 +113,8 @@ static bool read_nodes_2(reader *r)
     return true;
 }
 
-// Read the nodes of version 4.1: blocks per entity, each with all its numbers and then all its coordinates.
+// Read the nodes of a version 4.1 file. The nodes come in blocks: first the numbers of all nodes of a block, then their
+// coordinates.
 static bool read_nodes_4(reader *r)
 {
     long blocks, count, least, most, dimension, entity, parametric, here;
@@ -122,7 +124,7 @@ static bool read_nodes_4(reader *r)
         !integer(r, LONG, 0, LONG_MAX, &least, "the smallest number of a node") ||
         !integer(r, LONG, 0, LONG_MAX, &most, "the largest number of a node"))
         return false;
-    // a block cannot have more nodes than are left of the declared count
+    // a block may have at most as many nodes as the declared count still allows
     while (blocks-- > 0) {
         if (!integer(r, INT, 0, 3, &dimension, "a dimension") ||
             !integer(r, INT, LONG_MIN, LONG_MAX, &entity, "an entity's number") ||
@@ -139,12 +141,12 @@ static bool read_nodes_4(reader *r)
                     count);
 }
 
-// Read $Nodes and check that every node has its own number.
+// Read the section $Nodes and check that no two nodes have the same number.
 static bool read_nodes(reader *r)
 {
     if (r->x) return complain(r, r->words.begun, "a second $Nodes, expected one");
     if (!(r->version == 2 ? read_nodes_2 : read_nodes_4)(r)) return false;
-    // sort by number, for find_node and to find duplicates
+    // sort the nodes by number: duplicates are then neighbours, and find_node can search
     qsort(r->tag, (size_t)r->node_count, sizeof *r->tag, by_tag);
     for (int i = 1; i < r->node_count; i++)
         if (r->tag[i - 1].tag == r->tag[i].tag)
@@ -152,8 +154,8 @@ static bool read_nodes(reader *r)
     return kn_words_section_end(&r->words);
 }
 
-// Return the index of the node with a number, or -1 if there is none. Numbers mostly run from 1 without a gap, so try
-// that place first.
+// Return the index of the node whose number in the file is `tag`, or -1 if there is none. Numbers mostly run from 1
+// without a gap, so first try the place that the node then has.
 static int find_node(const reader *r, long tag)
 {
     if (tag >= 1 && tag <= r->node_count && r->tag[tag - 1].tag == tag) return r->tag[tag - 1].index;
@@ -163,7 +165,7 @@ static int find_node(const reader *r, long tag)
 
 enum { LINE = 1, TRIANGLE = 2, TETRAHEDRON = 4, POINT = 15 }; // element types of the format
 
-// Report an element of a type that is not supported, by its name if it is known.
+// Report an element of a type that is not supported. The message has the name of the type if the name is known.
 static bool refuse_type(reader *r, size_t at, long tag, long type)
 {
     static const char *const solid[] = {[3] = "quadrangle", [5] = "hexahedron", [6] = "prism", [7] = "pyramid"};
@@ -179,7 +181,8 @@ static bool refuse_type(reader *r, size_t at, long tag, long type)
                     type);
 }
 
-// Read the nodes of element `tag`, which begins at byte `at`. Count points and lines, but do not keep them.
+// Read the nodes of element `tag`, which begins at byte `at` of the file. Keep triangles and tetrahedra; count points
+// and lines as left out.
 static bool take_element(reader *r, kn_width width, size_t at, long tag, long type)
 {
     static const int nodes[] = {[LINE] = 2, [TRIANGLE] = 3, [TETRAHEDRON] = 4, [POINT] = 1};
@@ -198,7 +201,7 @@ static bool take_element(reader *r, kn_width width, size_t at, long tag, long ty
     return true;
 }
 
-// Allocate room for the elements. `each`: least bytes of an element in the file.
+// Allocate memory for `count` elements. `each`: fewest bytes that an element takes in the file.
 static bool make_elements(reader *r, long count, size_t each)
 {
     if (!kn_words_room(&r->words, count, each, "elements")) return false;
@@ -206,8 +209,9 @@ static bool make_elements(reader *r, long count, size_t each)
     return r->found || complain(r, r->words.begun, "not enough memory for %ld elements", count);
 }
 
-// Read the elements of version 2.2. Text has "number type tags... nodes" per element. Binary has blocks that begin with
-// "type count tags", followed by the elements.
+// Read the elements of a version 2.2 file. In a text file, each element is "number, type, number of tags, tags, nodes".
+// In a binary file, the elements come in blocks: "type, number of elements, number of tags", then "number, tags, nodes"
+// of each element.
 static bool read_elements_2(reader *r)
 {
     long total, tag = 0, type, tags, ignored;
@@ -217,7 +221,7 @@ static bool read_elements_2(reader *r)
     r->words.binary = binary;
     if (!counted || !kn_words_line_end(&r->words) || !make_elements(r, total, binary ? 8 : sizeof "1 15 0 1\n" - 1))
         return false;
-    // text: one element per turn; binary: one block per turn
+    // each pass of the loop reads one element of a text file, or one block of a binary file
     for (long count = 1; total > 0; total -= count) {
         if (!binary && !integer(r, INT, 0, LONG_MAX, &tag, "an element's number")) return false;
         size_t at = r->words.begun;
@@ -236,7 +240,7 @@ static bool read_elements_2(reader *r)
     return true;
 }
 
-// Read the elements of version 4.1: blocks of one type each.
+// Read the elements of a version 4.1 file. They come in blocks; all elements of a block have the same type.
 static bool read_elements_4(reader *r)
 {
     long blocks, total, least, most, dimension, entity, type, here, tag, done = 0;
@@ -262,7 +266,7 @@ static bool read_elements_4(reader *r)
            complain(r, r->words.at, "the blocks have %ld elements, expected the %ld that were declared", done, total);
 }
 
-// Read $Elements. It must follow $Nodes, because elements refer to nodes.
+// Read the section $Elements. The section must come after $Nodes, because elements refer to nodes.
 static bool read_elements(reader *r)
 {
     if (!r->x) return complain(r, r->words.begun, "$Elements before $Nodes, expected it after");
@@ -270,7 +274,7 @@ static bool read_elements(reader *r)
     return (r->version == 2 ? read_elements_2 : read_elements_4)(r) && kn_words_section_end(&r->words);
 }
 
-// Skip a section that is not needed: $PhysicalNames, $Entities, $Periodic, ...
+// Skip a section that is not needed, such as $PhysicalNames, $Entities or $Periodic.
 static bool skip_section(reader *r, const char *name)
 {
     char end[KN_WORD_MAX + 4];
@@ -283,7 +287,7 @@ static bool skip_section(reader *r, const char *name)
     return complain(r, begin, "a section without its end, expected $End... with the same name");
 }
 
-// Read all sections. $MeshFormat must be the first; $Nodes and $Elements must be there.
+// Read all sections. $MeshFormat must be the first section; $Nodes and $Elements must exist.
 static bool read_sections(reader *r)
 {
     char name[KN_WORD_MAX];
@@ -307,8 +311,8 @@ static bool read_sections(reader *r)
 
 // ---- conversion to simplices
 
-// Keep the tetrahedra, or the triangles if there is no tetrahedron: beside tetrahedra, triangles are only the skin.
-// Return the dimension, 0 if there is neither.
+// Keep the tetrahedra and leave out the triangles, which then are only the surface of the tetrahedra. Without any
+// tetrahedron, keep the triangles. Return the dimension of the kept elements, 3 or 2, or 0 if there are none.
 static int choose_elements(reader *r)
 {
     int kept = 0, solid = 0;
@@ -320,7 +324,8 @@ static int choose_elements(reader *r)
     return kept == 0 ? 0 : solid > 0 ? 3 : 2;
 }
 
-// Number the nodes that belong to elements, in the order of the file, and return their count.
+// Give the nodes that belong to kept elements new numbers from 0, in the order of the file. All other nodes get -1.
+// Return the count of numbered nodes.
 static int number_nodes(const reader *r, int *number)
 {
     int count = 0, corners = r->found[0].node[3] < 0 ? 3 : 4;
@@ -343,7 +348,7 @@ static double spread(const kn_simplices *s, int axis)
     return high - low;
 }
 
-// Move a flat mesh into the x-z plane and reverse all triangles if most of them are negative.
+// Move a flat mesh into the plane y = 0. If most triangles have a negative area there, reverse all triangles.
 static bool lay_flat(reader *r, kn_simplices *s)
 {
     double wide[3] = {spread(s, 0), spread(s, 1), spread(s, 2)}, area = 0;
@@ -357,7 +362,7 @@ static bool lay_flat(reader *r, kn_simplices *s)
         if (wide[2] <= thin) s->x_m[i][2] = s->x_m[i][1];
         s->x_m[i][1] = 0;
     }
-    // count positive against negative triangles
+    // count the triangles with a positive area, minus those with a negative area
     for (int e = 0; e < s->element_count; e++) {
         const double *a = s->x_m[s->element[e][0]], *b = s->x_m[s->element[e][1]], *c = s->x_m[s->element[e][2]];
         double twice = (b[0] - a[0]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[0] - a[0]);
@@ -382,7 +387,7 @@ static void fill(const reader *r, kn_simplices *s, const int *number, double uni
     }
 }
 
-// Check the simplices; report a problem at the element that has it.
+// Check the simplices. The error points at the element with the problem, or at the start of the file.
 static bool check(reader *r, const kn_simplices *s)
 {
     char what[256];

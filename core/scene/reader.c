@@ -1,4 +1,4 @@
-// Reader of a scene's YAML text, the one user of libyaml.
+// Reader of the YAML text of a scene. No other source of Knead uses libyaml.
 #include "core/hash.h"
 #include "core/scene/draft.h"
 
@@ -12,11 +12,12 @@
 #define PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // characters of the key in --set key=value
 enum { FILE_MAX_BYTES = 1 << 20, NAME_MAX_BYTES = 32, VALUE_MAX_BYTES = 64 };
 
-// A reader makes one pass over the events of libyaml. The keys decide what may follow. So nothing nests deeper than the
-// key table, and an unknown key ends the reading: no input can make the reader slow or large.
+// State of the reader, which makes one pass over the events of libyaml. The key table decides which event may follow.
+// So mappings nest no deeper than the paths in the key table, and an unknown key ends the reading. No input can make
+// the reader slow or use much memory.
 typedef struct reader {
     kn_draft *draft;
-    int source; // source of the text: KN_SOURCE_FILE or the number of the --set
+    int source; // source of the text: KN_SOURCE_FILE or the number of the --set option
     int slot;   // slot of the scene, probe or part that is being read
     yaml_parser_t parser;
     yaml_event_t event; // current event of libyaml
@@ -30,8 +31,8 @@ static const char *base_name(const char *path)
     return slash ? slash + 1 : path;
 }
 
-// Open a regular file. Return NULL with the reason in *why if it cannot be opened. A pipe is refused, because reading
-// it might wait forever.
+// Open a regular file. If the file cannot be opened, return NULL and store the reason in *why. A pipe is refused,
+// because reading from a pipe might wait forever.
 static FILE *open_file(const char *path, const char **why)
 {
     struct stat there;
@@ -42,8 +43,8 @@ static FILE *open_file(const char *path, const char **why)
     return file;
 }
 
-// Read at most FILE_MAX_BYTES + 1 bytes of a file, so that the caller can see that a file is too large. `kind` names the
-// file in the error message. If the file cannot be read, return NULL with one line in `error`.
+// Read a file of at most FILE_MAX_BYTES; the caller frees the text. `kind` tells in the error message what the file
+// must be. If the file is larger or cannot be read, return NULL with one line in `error`.
 static char *load_file(const char *path, const char *kind, size_t *size, char *error, size_t error_size)
 {
     const char *why = NULL;
@@ -65,10 +66,10 @@ static kn_mark mark_of(const reader *r, yaml_mark_t m)
     return (kn_mark){.source = r->source, .line = (int)m.line + 1, .col = (int)m.column + 1};
 }
 
-// Return the place of libyaml's current event in the text.
+// Return the place in the text where the current event of libyaml begins.
 static kn_mark here(const reader *r) { return mark_of(r, r->event.start_mark); }
 
-// Return the place of a byte. For bytes that libyaml cannot decode, it gives only their offset, no mark.
+// Return the place of the byte at `offset` of the text. If libyaml cannot decode a byte, it reports only this offset.
 static kn_mark mark_at(const reader *r, size_t offset)
 {
     kn_mark mark = {.source = r->source, .line = 1, .col = 1};
@@ -90,8 +91,8 @@ static bool complain_yaml(reader *r)
                              p->problem ? p->problem : "out of memory");
 }
 
-// Return true if an event has no alias, anchor or tag. They have no use in a scene, and aliases could multiply the
-// input.
+// Return true if an event has no alias, anchor or tag. A scene needs none of these, and aliases could make a short text
+// stand for a huge one.
 static bool plain(const yaml_event_t *e)
 {
     switch (e->type) {
@@ -103,7 +104,7 @@ static bool plain(const yaml_event_t *e)
     }
 }
 
-// Move on to the next event.
+// Advance to the next event of libyaml. Return false after an error.
 static bool next(reader *r)
 {
     yaml_event_delete(&r->event);
@@ -112,14 +113,14 @@ static bool next(reader *r)
            kn_draft_complain(r->draft, here(r), "anchors, aliases and tags are not supported, expected a plain value");
 }
 
-// Name the kind of the current event for error messages.
+// Return the kind of the current event for error messages: "a mapping", "a list" or "a value".
 static const char *kind_of(const reader *r)
 {
     if (r->event.type == YAML_MAPPING_START_EVENT) return "a mapping";
     return r->event.type == YAML_SEQUENCE_START_EVENT ? "a list" : "a value";
 }
 
-// Return the current scalar if it is short printable ASCII, else NULL.
+// Return the text of the current event if it is a scalar of printable ASCII shorter than `most` bytes, else NULL.
 static const char *scalar(const reader *r, size_t most)
 {
     if (r->event.type != YAML_SCALAR_EVENT || r->event.data.scalar.length >= most) return NULL;
@@ -129,7 +130,7 @@ static const char *scalar(const reader *r, size_t most)
     return s;
 }
 
-// Report a problem with the value of a key, with the values that the key expects.
+// Report a problem with the value of a key. The message also tells which values the key expects.
 static bool complain_key(reader *r, kn_mark mark, const kn_key *key, const char *problem)
 {
     char path[KN_LINE_MAX], expects[KN_LINE_MAX];
@@ -138,7 +139,7 @@ static bool complain_key(reader *r, kn_mark mark, const kn_key *key, const char 
                              kn_key_expects(key, expects));
 }
 
-// Copy the current scalar into text.
+// Copy the scalar of the current event into `text`. Report an error if the event is no scalar of short ASCII text.
 static bool take_value(reader *r, const kn_key *key, char text[VALUE_MAX_BYTES])
 {
     const char *s = scalar(r, VALUE_MAX_BYTES);
@@ -148,7 +149,8 @@ static bool take_value(reader *r, const kn_key *key, char text[VALUE_MAX_BYTES])
     return true;
 }
 
-// Read a path. A path may be longer than other values and may have characters beyond ASCII.
+// Read the value of a key that is a file's path. A path may be longer than other values and may have characters beyond
+// ASCII.
 static bool read_path(reader *r, const kn_key *key)
 {
     char path[KN_PATH_MAX], problem[KN_LINE_MAX];
@@ -185,7 +187,7 @@ static bool read_leaf(reader *r, const kn_key *key)
     } else if (!take_value(r, key, text[count++])) {
         return false;
     }
-    // store the value and its place
+    // store the value, and the place where it is written
     kn_key_id id = (kn_key_id)(key - kn_keys);
     if (!kn_key_read(key, kn_draft_field(r->draft, r->slot, id), texts, count, &mark.per_height, problem))
         return complain_key(r, mark, key, problem);
@@ -196,7 +198,7 @@ static bool read_leaf(reader *r, const kn_key *key)
 static bool read_node(reader *r, const char *path);
 static bool read_text(kn_draft *draft, int source, int slot, const char *path, const char *text, size_t size);
 
-// Store the place of a mapping for all keys below it: a key that is missing in it is reported there.
+// Store the place of a mapping for all keys that belong in it. If one of these keys is missing, the error points there.
 static void mark_group(reader *r, const char *path)
 {
     size_t size = strlen(path);
@@ -205,7 +207,7 @@ static void mark_group(reader *r, const char *path)
             r->draft->group[r->slot][id] = here(r);
 }
 
-// Read a mapping. Its keys must exist in the key table, and each may occur once.
+// Read the mapping at a path. Its keys must exist in the key table, and each key may occur only once.
 static bool read_mapping(reader *r, const char *path)
 {
     char seen[KN_KEY_COUNT][NAME_MAX_BYTES], below[KN_LINE_MAX], hint[KN_LINE_MAX];
@@ -217,7 +219,7 @@ static bool read_mapping(reader *r, const char *path)
         kn_mark mark = here(r);
         const char *name = scalar(r, NAME_MAX_BYTES);
         if (!name) return kn_draft_complain(r->draft, mark, "not a key, expected a short name");
-        // refuse a key that is there twice
+        // refuse a key that the mapping already has
         for (int i = 0; i < count; i++)
             if (strcmp(seen[i], name) == 0)
                 return kn_draft_complain(r->draft, mark, "'%s' is given already in line %d, expected it once", name,
@@ -229,17 +231,18 @@ static bool read_mapping(reader *r, const char *path)
             return kn_draft_complain(r->draft, mark, "'%s' has a dot, expected a mapping (dots are for --set)", name);
         if (!kn_key_find(below, &is_group) && !is_group)
             return kn_draft_complain(r->draft, mark, "unknown key '%s', %s", name, kn_key_suggest(below, hint));
-        snprintf(seen[count], NAME_MAX_BYTES, "%s", name); // known names only, so count stays below KN_KEY_COUNT
+        snprintf(seen[count], NAME_MAX_BYTES, "%s", name); // `seen` is long enough: names are unique and in the table
         lines[count++] = mark.line;
         if (!next(r) || !read_node(r, below)) return false;
     }
 }
 
-// Read a list of mappings: the scene's probes, or the parts of the probe that is being read. `name`, `keys`: the list and
-// the keys of a mapping in messages. `path`: path of a mapping. `count`: number of mappings read so far, at most `most`.
+// Read a list of mappings: the probes of the scene, or the parts of the probe that is being read. `name`: name of the
+// list for messages. `keys`: the required keys of a mapping, for messages. `path`: path of each mapping in the key
+// table. *count: number of mappings read so far. `most`: largest number of mappings.
 static bool read_list(reader *r, const char *name, const char *keys, const char *path, int *count, int most)
 {
-    // r->slot is the slot of the mapping while it is read, else that of the scene or the probe
+    // while a mapping is read, r->slot is the slot of that mapping; then it is again the slot of the scene or probe
     const int slot = r->slot;
     if (r->event.type != YAML_SEQUENCE_START_EVENT)
         return kn_draft_complain(r->draft, here(r), "%s: %s, expected a list of mappings", name, kind_of(r));
@@ -285,8 +288,9 @@ static bool take_material(reader *r, const char *file, const char *text, size_t 
            kn_draft_take_material(r->draft, &material, variant, mark);
 }
 
-// Load a user's file of a material or device, and store its path. The name is relative to the scene's folder, or to the
-// working directory if a --set names the file. Return NULL after an error.
+// Load a user's file of a material or device. Return its text, which the caller frees, or NULL after an error. `path`
+// becomes the path of the file. A name in a scene's file is relative to the folder of the scene. A name in a --set is
+// relative to the working directory.
 static char *load_part(reader *r, const char *name, const char *kind, kn_mark mark,
                        char path[KN_PATH_MAX + VALUE_MAX_BYTES], size_t *size)
 {
@@ -309,7 +313,7 @@ static bool read_material_file(reader *r, const char *name, kn_mark mark)
     return ok;
 }
 
-// Take the keys that the scene does not give from the file of the device's profile.
+// Read the profile of the device, and copy those keys into the draft that the scene does not give.
 static bool read_profile(kn_draft *draft)
 {
     char name[KN_LINE_MAX];
@@ -326,7 +330,7 @@ static bool read_profile(kn_draft *draft)
            kn_draft_take_device(draft, &profile, mark);
 }
 
-// Read a device that is given by the name of its profile or of a user's file.
+// Read the short form of the key device, whose value is the name of a profile or of a user's file.
 static bool read_device(reader *r)
 {
     kn_mark mark = here(r);
@@ -343,13 +347,13 @@ static bool read_device(reader *r)
     part.is_part = true;
     bool ok = read_text(&part, KN_SOURCE_FILE, 0, "", text, size) && kn_draft_take_device(r->draft, &part, mark);
     free(text);
-    // a key that is missing in the file is reported at the file's name
+    // if a key is missing in the device's file, the error points at the name of the file
     for (kn_key_id id = 0; ok && id < KN_KEY_PROBE_NAME; id++)
         if (strncmp(kn_keys[id].path, "device.", 7) == 0) r->draft->group[0][id] = mark;
     return ok;
 }
 
-// Read a material that is given by its name or by a user's file.
+// Read the short form of the key material, whose value is the name of a material or of a user's file.
 static bool read_material(reader *r)
 {
     int variant;
@@ -365,8 +369,8 @@ static bool read_material(reader *r)
                              name ? name : "", kn_library_names(names));
 }
 
-// Read the node at an existing path: a value, a mapping, a list of probes or parts, or a short form. The short forms
-// are one word for device, quality or material.
+// Read the YAML node at a path that the key table has. The node is a value, a mapping, a list of probes or parts, or a
+// short form: one word as the value of device, quality or material.
 static bool read_node(reader *r, const char *path)
 {
     bool is_group;
@@ -382,7 +386,8 @@ static bool read_node(reader *r, const char *path)
     return kn_draft_complain(r->draft, here(r), "%s: %s, expected a mapping", path, kind_of(r));
 }
 
-// Read a whole text: a scene, part of a scene, or the value of a --set at a path.
+// Read a whole text. If `path` is "", the text is a scene or the file of a material or device. Else the text is the
+// value of a --set, and `path` is the key.
 static bool read_document(reader *r, const char *path)
 {
     do // skip the events "stream start" and "document start"
@@ -394,7 +399,7 @@ static bool read_document(reader *r, const char *path)
         r->draft->is_part ? "keys of a material or a device" : "a scene that begins with 'version: 1'";
     if (r->event.type == YAML_STREAM_END_EVENT)
         return kn_draft_complain(r->draft, here(r), "empty, expected %s", expected);
-    // the one document, and nothing after it
+    // read the document; nothing may follow it
     bool mapping = r->event.type == YAML_MAPPING_START_EVENT;
     if (*path == '\0' && !mapping) return kn_draft_complain(r->draft, here(r), "%s, expected %s", kind_of(r), expected);
     if (!(*path ? read_node(r, path) : read_mapping(r, path))) return false;
@@ -403,7 +408,8 @@ static bool read_document(reader *r, const char *path)
            kn_draft_complain(r->draft, here(r), "a second document, expected one scene per file");
 }
 
-// Parse a text into a slot of the draft. `path`: "" for a scene, else the key or group that a --set names.
+// Parse a text and store its values in the draft. `slot`: slot of the scene, probe or part to which the text belongs.
+// `path`: "" for a whole file, else the key or mapping that a --set names.
 static bool read_text(kn_draft *draft, int source, int slot, const char *path, const char *text, size_t size)
 {
     reader r = {.draft = draft, .source = source, .slot = slot, .text = text, .size = size};
@@ -417,7 +423,8 @@ static bool read_text(kn_draft *draft, int source, int slot, const char *path, c
     return ok;
 }
 
-// Turn ".parts.2.radius" of the probe in *slot into ".parts.N.radius" and the slot of that part. Copy any other text.
+// Copy the end of a --set's key, `rest`, into `generic`. If `rest` names a part of the probe in *slot, such as
+// ".parts.2.radius", copy it as ".parts.N.radius" and set *slot to the slot of that part.
 static bool find_part(kn_draft *draft, kn_mark mark, const char *rest, char generic[KN_LINE_MAX], int *slot)
 {
     const char *number = rest + strlen(".parts."), *end = number;
@@ -432,7 +439,8 @@ static bool find_part(kn_draft *draft, kn_mark mark, const char *rest, char gene
     return true;
 }
 
-// Turn "probes.plate.size" into "probes.NAME.size" and the slot of that probe or part.
+// If the key of a --set names a probe, such as "probes.plate.size", replace the name in `path`: "probes.NAME.size". Set
+// *slot to the slot of that probe or part.
 static bool find_probe(kn_draft *draft, kn_mark mark, char path[KN_LINE_MAX], int *slot)
 {
     const kn_model_def *def = &draft->scene.model;
@@ -449,7 +457,7 @@ static bool find_probe(kn_draft *draft, kn_mark mark, char path[KN_LINE_MAX], in
     return true;
 }
 
-// Apply one --set: find its key, then parse its value as YAML.
+// Apply --set number `number`: find its key, then parse its value as YAML.
 static bool read_set(kn_draft *draft, int number)
 {
     const char *set = draft->sets[number], *equals = strchr(set, '=');
@@ -466,8 +474,8 @@ static bool read_set(kn_draft *draft, int number)
     return read_text(draft, number, slot, path, equals + 1, strlen(equals + 1));
 }
 
-// Hash the canonical text without the lines that tell where meshes are, those of the object and of tools. So a scene
-// keeps its hash when its files move.
+// Return the hash of the canonical text without the lines "mesh: PATH" of the object and of tools. So a scene keeps its
+// hash when its mesh files move.
 static uint64_t hash_text(const char *text)
 {
     uint64_t hash = KN_HASH_SEED;
@@ -494,7 +502,8 @@ kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char
     kn_draft draft;
     kn_draft_init(&draft, name, sets, error, error_size);
     draft.beside = beside;
-    // read the file first, then the --sets, which replace the file's values, then the profile for the remaining keys
+    // read the file; then the --set options, which replace values of the file; then the device profile, which gives the
+    // device keys that are still missing
     kn_mark start = draft.group[0][KN_KEY_VERSION];
     bool ok = size <= FILE_MAX_BYTES || kn_draft_complain(&draft, start, "larger than 1 MiB, expected a scene");
     ok = ok && read_text(&draft, KN_SOURCE_FILE, 0, "", text, size);

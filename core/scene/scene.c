@@ -43,7 +43,7 @@ static const char *const suffixes[] = {"-rheological", "-viscoelastic", "-plasti
 
 const kn_library_entry *kn_library_find(const char *name, int *variant)
 {
-    // cut off the suffix of a variant
+    // find the suffix of a variant and exclude it from the name
     size_t size = strlen(name);
     *variant = -1;
     for (int i = 0; i < 3; i++) {

@@ -7,14 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct corner { // corner of a triangle in the file, before equal corners are merged
+typedef struct corner { // corner of a triangle in the file, before corners at the same position are merged
     double x[3];
-    int number; // 3 * triangle + corner (0 to 2)
+    int number; // number of the corner: 3 times the index of the triangle, plus 0, 1 or 2
 } corner;
 
 typedef struct place { // place of a triangle in the file
     size_t at;
-    int number; // number of the triangle in the file, from 1
+    int number; // number of the triangle in the order of the file, from 1
 } place;
 
 typedef struct reader {
@@ -26,7 +26,7 @@ typedef struct reader {
 
 #define complain(r, ...) kn_words_complain(&(r)->words, __VA_ARGS__)
 
-// Return true if the path has the ending, in upper or lower case.
+// Return true if the path ends in `end`, in upper or lower case.
 static bool ends_in(const char *path, const char *end)
 {
     size_t size = strlen(path), tail = strlen(end);
@@ -37,7 +37,7 @@ static bool ends_in(const char *path, const char *end)
 
 bool kn_shell_named(const char *path) { return ends_in(path, ".obj") || ends_in(path, ".stl"); }
 
-// Add a triangle that begins at byte `at`.
+// Add a triangle whose text begins at byte `at` of the file.
 static bool add(reader *r, size_t at, const double x[3][3])
 {
     if (r->triangles == KN_SHELL_TRIANGLES_MAX)
@@ -55,7 +55,7 @@ static bool add(reader *r, size_t at, const double x[3][3])
     for (int k = 0; k < 3; k++) {
         corner *c = &r->corner[3 * r->triangles + k];
         c->number = 3 * r->triangles + k;
-        for (int i = 0; i < 3; i++) c->x[i] = x[k][i] + 0.0; // -0 becomes 0, so that memcmp finds equal corners
+        for (int i = 0; i < 3; i++) c->x[i] = x[k][i] + 0.0; // -0 becomes 0, because memcmp compares corners
     }
     r->place[r->triangles] = (place){at, r->triangles + 1};
     r->triangles++;
@@ -64,13 +64,15 @@ static bool add(reader *r, size_t at, const double x[3][3])
 
 // ---- STL
 
-enum { STL_HEAD = 84, STL_EACH = 50 }; // head: 80 free bytes and a count; each: normal, three corners, two bytes
+// Bytes of a binary STL file: the head (80 free bytes and the count of triangles), and each triangle (normal, three
+// corners and two unused bytes).
+enum { STL_HEAD = 84, STL_EACH = 50 };
 
-// Return true if the file is a binary STL. Text has no NUL byte. The first word is no test, because the free bytes of a
-// binary file may begin with "solid", too.
+// Return true if an STL file is binary, i.e. if its head has a NUL byte. The first word "solid" of a text file does not
+// tell, because the free bytes of a binary file may begin with "solid", too.
 static bool is_binary_stl(const kn_words *w) { return memchr(w->bytes, 0, w->size < STL_HEAD ? w->size : STL_HEAD); }
 
-// Read a binary STL. Its size must match its count; the normals are ignored.
+// Read a binary STL file. The size of the file must match the count of triangles. The normals are ignored.
 static bool read_binary_stl(reader *r)
 {
     uint32_t count = 0;
@@ -92,7 +94,7 @@ static bool read_binary_stl(reader *r)
     return true;
 }
 
-// Read a text STL. Only facet, vertex and endfacet matter; other words are skipped.
+// Read a text STL file. Only the words facet, vertex and endfacet matter; other words are skipped.
 static bool read_text_stl(reader *r)
 {
     char text[KN_WORD_MAX];
@@ -131,7 +133,7 @@ static bool more_on_line(kn_words *w)
     return w->at < w->size && w->bytes[w->at] != '\n' && w->bytes[w->at] != '#';
 }
 
-// Read the coordinates of a point.
+// Read the coordinates of a point of an OBJ file.
 static bool add_point(reader *r, points *p)
 {
     if (p->count == p->room) {
@@ -144,7 +146,7 @@ static bool add_point(reader *r, points *p)
     return kn_words_real(&r->words, &x[0]) && kn_words_real(&r->words, &x[1]) && kn_words_real(&r->words, &x[2]);
 }
 
-// Read a corner of a face: "7" or "7/1/2" for point 7, "-1" for the last point so far.
+// Read a corner of a face in an OBJ file: "7" or "7/1/2" is point 7 of the file, "-1" is the point read last.
 static bool take_corner(reader *r, const points *p, double x[3])
 {
     char text[KN_WORD_MAX], *end;
@@ -196,7 +198,7 @@ static bool read_obj(reader *r)
 
 // ---- triangles to surface
 
-// Compare two corners for qsort by their coordinates, and equal corners by their number.
+// Compare two corners for qsort by their coordinates. Order corners at the same position by their numbers.
 static int by_place(const void *a, const void *b)
 {
     const corner *p = a, *q = b;
@@ -205,7 +207,7 @@ static int by_place(const void *a, const void *b)
     return p->number - q->number;
 }
 
-// Merge corners in one place into one vertex. Drop triangles that then have a vertex twice.
+// Merge corners at the same position into one vertex. Then drop triangles of which two corners are the same vertex.
 static kn_shell *weld(reader *r)
 {
     size_t corners = 3 * (size_t)r->triangles;
@@ -214,7 +216,7 @@ static kn_shell *weld(reader *r)
     s->x = malloc((corners + 1) * sizeof *s->x);
     s->triangle = malloc((corners / 3 + 1) * sizeof *s->triangle);
     if (!s->x || !s->triangle) return kn_shell_destroy(s), NULL;
-    // after sorting, equal corners are neighbours
+    // after sorting, corners at the same position are neighbours
     qsort(r->corner, corners, sizeof *r->corner, by_place);
     for (size_t i = 0; i < corners; i++) {
         const corner *c = &r->corner[i];
@@ -234,7 +236,7 @@ static kn_shell *weld(reader *r)
 typedef struct edge { // a side of a triangle
     int low, high;    // vertices at the two ends, low < high
     int triangle;
-    bool forward; // the triangle runs along the edge from `low` to `high`
+    bool forward; // the corners of the triangle follow the edge from `low` to `high`
 } edge;
 
 static int by_vertices(const void *a, const void *b)
@@ -258,20 +260,21 @@ static void list_edges(const kn_shell *s, edge *e)
         }
 }
 
-// Return the representative of a triangle's part (union-find with path halving).
+// Return the triangle that represents the connected part to which triangle `t` belongs (union-find, path halving).
 static int root_of(int *parent, int t)
 {
     while (parent[t] != t) t = parent[t] = parent[parent[t]];
     return t;
 }
 
-// Check that every edge has two triangles, in opposite directions. Join the triangles into connected parts.
+// Check that every edge belongs to two triangles, which run along the edge in opposite directions. Join triangles that
+// share an edge into connected parts.
 static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent)
 {
     int count = 3 * s->triangle_count, open = 0, first = -1;
     for (int t = 0; t < s->triangle_count; t++) parent[t] = t;
     for (int i = 0, n; i < count; i += n) {
-        // n: number of triangles that share this edge
+        // count the triangles that share the edge e[i]
         for (n = 1; i + n < count && same_edge(&e[i], &e[i + n]);) n++;
         int a = e[i].triangle, b = e[i + (n > 1)].triangle;
         const place *p = &r->place[a], *q = &r->place[b];
@@ -281,7 +284,7 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
         if (n == 2 && e[i].forward == e[i + 1].forward)
             return complain(r, q->at, "triangles %d and %d face opposite ways, expected all to face outwards",
                             p->number, q->number);
-        // an open edge is reported at the end, with the first triangle that has one
+        // count edges that belong to only one triangle, and keep the first triangle of the file with such an edge
         if (n == 1 && (open++ == 0 || a < first)) first = a;
         parent[root_of(parent, b)] = root_of(parent, a);
     }
@@ -292,7 +295,7 @@ static bool check_edges(reader *r, const kn_shell *s, const edge *e, int *parent
                     open, r->place[first].number);
 }
 
-// Check that all triangles belong to one part.
+// Check that all triangles belong to one connected part.
 static bool check_parts(reader *r, const kn_shell *s, int *parent)
 {
     int parts = 0, other = 0;
@@ -306,7 +309,7 @@ static bool check_parts(reader *r, const kn_shell *s, int *parent)
                                   parts, r->place[other].number);
 }
 
-// Check that the surface is closed, consistently wound and one part.
+// Check that the surface is closed, that all triangles face the same way, and that the surface is one connected part.
 static bool check(reader *r, const kn_shell *s)
 {
     if (s->triangle_count == 0) return complain(r, 0, "no triangles, expected a closed surface");
@@ -325,8 +328,8 @@ static bool check(reader *r, const kn_shell *s)
     return good;
 }
 
-// Compute extent and volume. The volume is the sum of signed tetrahedra between the triangles and one corner of the
-// box.
+// Compute extent and volume of a closed surface. The volume is a sum over the triangles: each adds the signed volume of
+// the tetrahedron between the triangle and the lowest corner of the bounding box.
 static void measure(kn_shell *s)
 {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -337,7 +340,7 @@ static void measure(kn_shell *s)
         }
     s->extent = fmax(high[0] - low[0], fmax(high[1] - low[1], high[2] - low[2]));
     for (int t = 0; t < s->triangle_count; t++) {
-        double a[3], b[3], c[3]; // corners of the triangle, from the low corner of the box
+        double a[3], b[3], c[3]; // corners of the triangle, relative to the lowest corner of the box
         for (int k = 0; k < 3; k++) {
             a[k] = s->x[s->triangle[t][0]][k] - low[k];
             b[k] = s->x[s->triangle[t][1]][k] - low[k];
@@ -347,10 +350,10 @@ static void measure(kn_shell *s)
                       a[2] * (b[0] * c[1] - b[1] * c[0])) /
                      6;
     }
-    s->volume = fabs(s->volume); // the volume is negative if the surface is inside out, which is allowed
+    s->volume = fabs(s->volume); // the sum is negative if all triangles face inwards, which is allowed
 }
 
-// Read the triangles in the format that the name's ending tells.
+// Read the triangles of a file. The ending of the file's name tells the format.
 static bool read_file(reader *r)
 {
     if (ends_in(r->words.name, ".obj")) return read_obj(r);
@@ -367,7 +370,7 @@ kn_shell *kn_shell_read(const char *name, const void *bytes, size_t size, char *
         kn_shell_destroy(s);
         s = NULL;
     }
-    // a closed surface without volume is flat
+    // refuse a flat surface, which encloses no volume
     if (s) measure(s);
     if (s && !(s->volume > 1e-9 * s->extent * s->extent * s->extent)) {
         complain(&r, 0, "the surface encloses no volume, expected a body");
@@ -398,7 +401,7 @@ void kn_shell_destroy(kn_shell *shell)
 
 // ---- output for gmsh and tetgen
 
-// Close a file that was written. Return true if all data were written without error.
+// Close a file after writing. Return true if all data were written without error.
 static bool finish(FILE *f)
 {
     bool good = f && !ferror(f);

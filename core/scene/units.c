@@ -6,12 +6,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Factors that are no powers of ten. They are multiplied in once, in kn_quantity_in.
+// Factors of units that are not powers of ten. kn_quantity_in multiplies by these factors or divides by them.
 #define GF_NEWTON 9.80665               // 1 kgf in N: standard gravity, exact by definition
 #define ATM_PASCAL 1.01325              // 1 atm in 1e5 Pa: exact by definition
 #define DEG_RADIAN 0.017453292519943295 // 1 deg in rad
 
-enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 }; // limits far beyond any real quantity, which keep all integers small
+// Largest number of factors in a unit, and largest exponent of a number. No real quantity needs more, and the sums of
+// exponents stay small integers.
+enum { FACTORS_MAX = 8, EXPONENT_MAX = 9999 };
 
 static const struct {
     const char *name;
@@ -53,7 +55,7 @@ static void multiply(kn_unit *u, const kn_unit *by, int power)
     u->deg += by->deg * power;
 }
 
-// Return the unit of a name, or NULL. "1" is a unit, too, as in "1/Pa".
+// Return the unit with this name, or NULL if there is none. "1" is a unit, too, because "1/Pa" needs it.
 static const kn_unit *find(const char *name, size_t size)
 {
     static const kn_unit one = {0};
@@ -63,14 +65,15 @@ static const kn_unit *find(const char *name, size_t size)
     return NULL;
 }
 
-// Print an error that quotes at most 24 characters of the text. Always return false.
+// Write an error message that quotes at most 24 characters of the text. Always return false.
 static bool fail(char *error, size_t size, const char *format, const char *text, int length)
 {
     snprintf(error, size, format, length > 24 ? 24 : length, text);
     return false;
 }
 
-// Read a power such as "^-2" at *p; it has one digit. If there is no power, *power becomes 1.
+// Read a power such as "^-2" at *p. A power has one digit and perhaps a minus sign. Without "^", *power becomes 1.
+// Return false if no such power follows "^".
 static bool read_power(const char **p, int *power)
 {
     *power = 1;
@@ -103,7 +106,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
         p += size;
         if (!read_power(&p, &power)) return fail(error, error_size, "no one-digit power after '%.*s'", name, (int)size);
         multiply(unit, found, sign * power);
-        // the operator before the next factor: "/", "*" or a space, but no space after an earlier "/"
+        // read the operator before the next factor: "/", "*" or a space; after a "/", a space is ambiguous
         size_t spaces = strspn(p, " ");
         p += spaces;
         if (*p == '\0') return true;
@@ -116,7 +119,7 @@ bool kn_unit_parse(kn_unit *unit, const char *text, char *error, size_t error_si
     }
 }
 
-// Scan digits with one optional point. Return the number of characters, 0 if there is no digit.
+// Return the number of characters of a decimal number without sign and exponent, or 0 if there is no digit.
 static size_t scan_digits(const char *p)
 {
     size_t n = strspn(p, "0123456789"), fraction = 0;
@@ -127,13 +130,13 @@ static size_t scan_digits(const char *p)
 
 bool kn_quantity_parse(kn_quantity *q, const char *text, char *error, size_t error_size)
 {
-    // the digits stay text, so that kn_quantity_in rounds only once
+    // keep the digits as text, so that kn_quantity_in rounds the number only once
     *q = (kn_quantity){.bare = true};
     const char *p = text + (*text == '-' || *text == '+');
     size_t size = scan_digits(p);
     if (size == 0) return fail(error, error_size, "'%.*s' is not a finite number", text, 24);
     p += size;
-    // sign and digits, then the exponent, then the unit
+    // copy sign and digits, then read the exponent, then the unit
     if (p - text >= (int)sizeof q->digits) return fail(error, error_size, "'%.*s...' has too many digits", text, 24);
     memcpy(q->digits, text, (size_t)(p - text));
     if (*p == 'e' || *p == 'E') {
@@ -158,11 +161,11 @@ bool kn_unit_same_dimension(const kn_unit *a, const kn_unit *b)
 
 double kn_quantity_in(const kn_quantity *q, const kn_unit *unit)
 {
-    // all powers of ten go into the exponent before the one rounding of strtod
+    // add all powers of ten to the exponent of the number, so that strtod rounds only once
     char number[sizeof q->digits + 16];
     snprintf(number, sizeof number, "%se%d", q->digits, q->exponent + q->unit.ten - unit->ten);
     double value = strtod(number, NULL);
-    // the other factors, by the difference of their powers
+    // multiply by the other factors: each has a power in the unit of q and a power in `unit`; the difference counts
     for (int i = q->unit.gf - unit->gf; i > 0; i--) value *= GF_NEWTON;
     for (int i = q->unit.gf - unit->gf; i < 0; i++) value /= GF_NEWTON;
     for (int i = q->unit.atm - unit->atm; i > 0; i--) value *= ATM_PASCAL;

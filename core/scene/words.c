@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Read a whole file. The buffer grows while reading, because the size of a pipe is not known.
+// Read a whole file. The buffer grows during reading, because a pipe does not tell its size in advance.
 static unsigned char *read_all(FILE *file, size_t *size)
 {
     unsigned char *bytes = NULL;
@@ -61,7 +61,7 @@ size_t kn_words_next(kn_words *w, char text[KN_WORD_MAX])
 {
     while (w->at < w->size && is_space(w->bytes[w->at])) w->at++;
     w->begun = w->at;
-    // a word that is too long is cut, but its whole length is returned
+    // cut a word that is too long for the buffer, but return the length of the whole word
     while (w->at < w->size && !is_space(w->bytes[w->at])) w->at++;
     size_t length = w->at - w->begun, kept = length < KN_WORD_MAX ? length : KN_WORD_MAX - 1;
     memcpy(text, w->bytes + w->begun, kept);
@@ -75,7 +75,7 @@ static bool ended(kn_words *w, const char *what)
     return kn_words_complain(w, w->size, "the file ends within %s, expected %s", w->section, what);
 }
 
-// Read bytes as they are in a binary file.
+// Copy the next bytes of a binary file to `value`.
 static bool raw(kn_words *w, void *value, size_t bytes, const char *what)
 {
     w->begun = w->at;
@@ -85,7 +85,7 @@ static bool raw(kn_words *w, void *value, size_t bytes, const char *what)
     return true;
 }
 
-// Read an integer that is written as text, of at most 18 digits, so that it fits a long.
+// Read an integer that is written as text. It may have at most 18 digits, so that it fits a long.
 static bool written_integer(kn_words *w, long *value, const char *what)
 {
     char text[KN_WORD_MAX];
@@ -98,7 +98,7 @@ static bool written_integer(kn_words *w, long *value, const char *what)
     return true;
 }
 
-// Read an integer of a binary file, of 4 or 8 bytes.
+// Read an integer of 4 or 8 bytes from a binary file.
 static bool raw_integer(kn_words *w, kn_width width, long *value, const char *what)
 {
     int32_t narrow = 0;
@@ -124,7 +124,7 @@ bool kn_words_real(kn_words *w, double *value)
     } else {
         size_t length = kn_words_next(w, text);
         if (length == 0) return ended(w, "a coordinate");
-        // text that is no number, or longer than a word may be, counts as NaN
+        // a word that is not a number, or is longer than KN_WORD_MAX - 1 characters, counts as NaN
         *value = length < KN_WORD_MAX ? strtod(text, &end) : NAN;
         if (end == text || *end != '\0') *value = NAN;
     }
@@ -143,7 +143,7 @@ bool kn_words_room(kn_words *w, long count, size_t each, const char *what)
 bool kn_words_line_end(kn_words *w)
 {
     if (!w->binary) return true;
-    // "\n" or "\r\n"; binary data may begin with white space, so only one line end is taken
+    // skip one line end, "\n" or "\r\n", and no more: the binary data behind it may begin with the code of white space
     if (w->at < w->size && w->bytes[w->at] == '\r') w->at++;
     if (w->at < w->size && w->bytes[w->at++] == '\n') return true;
     return kn_words_complain(w, w->at, "expected the end of the line here");

@@ -70,8 +70,8 @@ typedef struct kn_sample { // a point of the skin near a tool
     struct kn_sample_line {         // linearised contact force of the sample, set by the solver
         bool active;                // true: the force along the normal is slope_n_m * depth + offset_n; false: 0
         double slope_n_m, offset_n; // tangent of the pressure law; k A and 0 without a layer
-        // Stiffness along the skin. It is k A while the sample sticks. While the sample slides, it is the secant that
-        // puts the friction force at the end of the step on Coulomb's cone.
+        // Stiffness along the skin. It is k A while the sample sticks. While the sample slides, it is a secant
+        // stiffness, chosen so that the friction force at the end of the step lies on Coulomb's cone.
         double side_n_m;
     } line, last;      // present linearisation; linearisation before the last update
     double force_n[3]; // set by the solver: force on the skin

@@ -192,7 +192,7 @@ enum {
 // Number of iterations with which a linearisation is worth its time.
 #define LINE_ITERATIONS 4
 
-// Return the prices of a linearisation and of an iteration without contact. `held`: a plate holds nodes in this step,
+// Return the costs, without contact, of a linearisation and of an iteration. `held`: a plate holds nodes in this step,
 // so the rigid motions are not used (solver_implicit.c).
 static kn_deadline of_lattice(const kn_model *m, bool held)
 {

@@ -90,6 +90,25 @@ __attribute__((format(printf, 3, 4))) static inline int kn_call(int (*run)(int, 
                          kn_out, kn_err);                                                                              \
     } while (0)
 
+// Write a text. A line "@N ROW" stands for N rows, in which START+STEP or START-STEP becomes START + i STEP.
+static inline void kn_rows(FILE *out, const char *lines)
+{
+    for (const char *line = lines, *end; *line; line = end) {
+        char *row = (char *)(uintptr_t)line, *sign;
+        const long rows = *line == '@' ? strtol(line + 1, &row, 10) : 1;
+        end = line + strcspn(line, "\n") + (strchr(line, '\n') != NULL);
+        for (long i = 0; i < rows; i++)
+            for (const char *at = row + (*line == '@'); at < end;) {
+                const bool digit = *line == '@' && *at >= '0' && *at <= '9';
+                const double start = digit ? strtod(at, &sign) : 0;
+                if (digit && (*sign == '+' || *sign == '-')) {
+                    fprintf(out, "%.12g", start + (*sign == '+' ? 1 : -1) * (double)i * strtod(sign + 1, (char **)&at));
+                } else if (digit) fprintf(out, "%.*s", (int)(sign - at), at), at = sign;
+                else fputc(*at++, out);
+            }
+    }
+}
+
 static inline void kn_write(const char *path, const void *bytes, size_t size)
 {
     FILE *out = fopen(path, "w");

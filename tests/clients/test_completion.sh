@@ -21,16 +21,13 @@ is "replay" knead rep
 is "completion" knead comp
 is "--help" knead --h
 is "--verify --version" knead replay --ver
-is "--solver" knead replay --so
 is "fixed" knead replay --solver fi
 is "blend fixed implicit rk4 secant tangent" knead replay --solver ""
 is "stress" knead view --color s
 is "displacement residual stress" knead view --color ""
-is "displacement residual stress" knead export --color ""
 is "end" knead export --at ""
 is "end" knead view --at e
 is "bash zsh" knead completion ""
-is "zsh" knead completion z
 is "gmsh tetgen" knead mesh --tool ""
 is "set snapshot status stop" knead ctl --json s
 is "auto off require" kneadd --realtime ""

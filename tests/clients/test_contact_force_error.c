@@ -42,55 +42,43 @@ static kn_replay_trace block(int cells)
     return t;
 }
 
-TEST("a force 3 ms late has a lag of 3 ms, and an early force has a negative lag")
+TEST("a force 3 ms late has a lag of 3 ms, an early force has a negative lag, and a force without content near 10 Hz "
+     "has none")
 {
     AT_END(kn_replay_trace_free) kn_replay_trace now = press(0, 10), late = press(0.003, 10), early = press(-0.0005, 8);
     CHECK_NEAR(kn_contact_force_lag(&late, &now), 0.003, 2e-5);
     CHECK_NEAR(kn_contact_force_lag(&early, &now), -0.0005, 2e-5);
     CHECK_NEAR(kn_contact_force_lag(&now, &now), 0, 1e-12);
-}
-
-TEST("the lag is NaN if the force has no content near 10 Hz")
-{
     AT_END(kn_replay_trace_free) kn_replay_trace slow = empty(), none = empty();
     for (int i = 0; i < TICKS; i++) slow.force_n[2 * i][0] = pow(sin(M_PI * i / TICKS), 8); // one slow push
     CHECK(isnan(kn_contact_force_lag(&slow, &slow)));
     CHECK(isnan(kn_contact_force_lag(&none, &none)));
 }
 
-TEST("a force that is 10 % larger has a relative error of 0.1")
+TEST(
+    "a force that is 10 % larger has a relative error of 0.1, and the largest jump of a force is found beside its peak")
 {
     AT_END(kn_replay_trace_free) kn_replay_trace a = press(0, 11), b = press(0, 10), none = empty();
     CHECK_NEAR(kn_contact_force_error(&a, &b), 0.1, 1e-12);
     CHECK_NEAR(kn_contact_force_peak(&a) / kn_contact_force_peak(&b), 1.1, 1e-12);
     CHECK_NEAR(kn_contact_force_variation(&b), 20, 1e-3);
     CHECK(isnan(kn_contact_force_error(&a, &none)));
-}
-
-TEST("the largest jump of a force is found even if its peak is elsewhere")
-{
     AT_END(kn_replay_trace_free) kn_replay_trace t = empty();
     for (int i = 0; i < TICKS; i++) t.force_n[2 * i][2] = 0.01 * i + (i >= 500 ? 2.5 : 0);
     CHECK_NEAR(kn_contact_force_jump(&t), 2.51, 1e-9);
 }
 
-TEST("lattices of different spacing with the same displacement field have the same shape")
+TEST("lattices of different spacing with the same displacement field have the same shape, and the depth is the deepest "
+     "node's")
 {
     AT_END(kn_replay_trace_free) kn_replay_trace coarse = block(4), fine = block(6), finest = block(12);
     CHECK_NEAR(kn_contact_shape_error(&coarse, &fine), 0, 1e-12);
     CHECK_NEAR(kn_contact_shape_error(&coarse, &finest), 0, 1e-12);
     CHECK_NEAR(kn_contact_shape_error(&finest, &coarse), 0, 1e-12);
-    double corner[3];
-    memcpy(corner, coarse.shape_m[coarse.nodes - 1], sizeof corner);
     coarse.shape_m[coarse.nodes - 1][2] += 0.01;
     CHECK(kn_contact_shape_error(&coarse, &fine) > 0.01);
-}
-
-TEST("the depth is the displacement of the deepest node")
-{
-    AT_END(kn_replay_trace_free) kn_replay_trace t = block(4);
-    t.shape_m[7][2] = -0.0096;
-    CHECK_NEAR(kn_contact_depth(&t), 0.0096, 1e-12);
+    coarse.shape_m[7][2] = -0.0196;
+    CHECK_NEAR(kn_contact_depth(&coarse), 0.0196, 1e-12);
 }
 
 TESTS_MAIN

@@ -1,7 +1,6 @@
 // The report of `knead identify`: a page of plain HTML in a folder that appears as a whole.
 #include "clients/report/report_page.h"
 #include "clients/cli/commands.h"
-#include "tests/check.h"
 #include "tests/clients/heard.h"
 
 static kn_document d;

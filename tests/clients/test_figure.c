@@ -2,7 +2,6 @@
 // need.
 #include "clients/report/report_page.h"
 #include "clients/cli/commands.h"
-#include "tests/check.h"
 #include "tests/clients/heard.h"
 
 // Draw a figure, and read width and height of the PNG; 0 if there is no picture.

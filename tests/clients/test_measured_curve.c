@@ -1,11 +1,9 @@
 // Measured curves: converted to SI, sorted by time, thinned, with messages about each correction.
 #include "clients/identify/measured_curve.h"
 #include "clients/cli/commands.h"
-#include "tests/check.h"
 #include "tests/clients/heard.h"
 #include "tests/dice.h"
-#include <stdarg.h>
-#include <stdint.h>
+#include <fnmatch.h>
 
 #define SIZE "# area: 1 cm^2\n# height: 1 cm\n"
 #define NOTES "# load: 50 gf\n# release: 20 s\n" SIZE
@@ -21,12 +19,12 @@ static char *text; // contents of the file being written
 static size_t length;
 static FILE *out;
 
-static void begin(const char *head)
+static void begin(const char *lines)
 {
     free(text);
     out = open_memstream(&text, &length);
-    fputs(head, out);
     options = none;
+    kn_rows(out, lines);
 }
 
 __attribute__((format(printf, 1, 2))) static void row(const char *format, ...)
@@ -66,11 +64,6 @@ static double crept_mm(double t)
     return t <= 20 ? 1 - exp(-t / 10) : (1 - exp(-2.0)) * exp(-(t - 20) / 10);
 }
 
-static void crept(int count, double every_s)
-{
-    for (int i = 0; i < count; i++) row("%.9g,%.9g\n", every_s * i, crept_mm(every_s * i));
-}
-
 // Return the i-th of rows in order after one of them was moved.
 static int moved(int i, int from, int to)
 {
@@ -80,21 +73,153 @@ static int moved(int i, int from, int to)
 
 static uint64_t seed = 1;
 
-// --- creep
-
-TEST("displacement divided by height becomes strain, and load divided by area becomes stress")
+// Return what the curves are: their readings, the size of the specimen, loads and held strain.
+static const char *contents(void)
 {
-    begin(PRESSED);
-    crept(81, 0.5);
-    CHECK(loads(KN_CURVE_CREEP) && curves == 1);
-    CHECK(curve->count == 81 && curve->steps == 2 && !curve->constant_area);
-    CHECK_NEAR(curve->step[0].stress_pa, 4903.325, 1e-9);
-    CHECK(curve->step[1].time_s == 20 && curve->step[1].stress_pa == 0 && curve->step[1].early_s == 20);
-    CHECK_NEAR(curve->value[40], 0.1 * (1 - exp(-2.0)), 1e-9);
-    CHECK(curve->line[40] == 46 && curve->weight[40] == 1 && curve->height_m == 0.01 && curve->area_m2 == 1e-4);
-    CHECK_STR(curve->name, "a");
-    CHECK(kn_said("81 readings of displacement, 4.903 kPa of nominal stress, taken off at 20 s"));
+    static char dump[1000];
+    FILE *to = fmemopen(dump, sizeof dump, "w");
+    for (const kn_curve *c = curve; c < curve + curves; c++) {
+        const int last = c->count - 1;
+        fprintf(to, "%s%s: %d readings, %.4g..%.4g s, %.4g..%.4g", c > curve ? "; " : "", c->name, c->count,
+                c->time_s[0], c->time_s[last], c->value[0], c->value[last]);
+        for (int i = 0; c->kind == KN_CURVE_CREEP && i < c->steps; i++)
+            fprintf(to, ", %.4g Pa at %.4g s", c->step[i].stress_pa, c->step[i].time_s);
+        if (c->kind == KN_CURVE_RELAX) fprintf(to, ", strain %.4g from %.4g s", c->strain, c->begin_s);
+        if (c->kind == KN_CURVE_SWEEP) fprintf(to, ", loss %.4g..%.4g", c->other[0], c->other[last]);
+        fputs(c->constant_area ? ", constant stress" : "", to);
+    }
+    fclose(to);
+    return dump;
 }
+
+TEST("files of instruments give creeps, relaxations and sweeps in SI units, with a message about each correction")
+{
+#define LOAD "# load: 50 gf\n"
+#define RHEOCOMPASS "Interval data:;Point No.;Time;Shear Strain;Shear Stress;Status\n;[];[s];[%];[Pa];[]\n"
+#define STRAINED "a: 9 readings, 0..8 s, 0..0.08, 4903 Pa at 0 s"
+#define FRACTION " has no unit and is read as a fraction of the height"
+#define MODULUS "a: 8 readings, 1..8 s, 8000..1000"
+#define SWEPT "a: 10 readings, 0.1..1 s, 1000..1e+04, loss 300..3000"
+    static const struct {
+        const char *sentence;
+        kn_curve_kind kind;
+        const char *text, *outcome, *said; // said: a pattern; "": not a word about a unit
+    } all[] = {
+        {"displacement divided by height becomes strain, and load divided by area becomes stress", KN_CURVE_CREEP,
+         LOAD SIZE "# release: 5 s\ntime_s,displacement_mm\n@9 0+1,0+.1\n", STRAINED ", 0 Pa at 5 s",
+         "9 readings of displacement, 4.903 kPa of nominal stress, taken off at 5 s"},
+        {"loads that rise in stairs make one curve with one step per load", KN_CURVE_CREEP,
+         LOADED "@30 0+1;0+.01;10\n@30 30+1;0.3+.01;20\n@30 60+1;0.6+.01;30\n",
+         "a: 90 readings, 0..89 s, 0..0.089, 980.7 Pa at 0 s, 1961 Pa at 29.5 s, 2942 Pa at 59.5 s", "in steps"},
+        {"each column with a load in its name is a curve of its own, and the lengths may differ", KN_CURVE_CREEP,
+         SIZE "time_s\tdisplacement_mm 10 gf\tx (0.1 N) [mm]\t50 gf [mm]\n@12 0+1\t0+.1\t0+.2\t0+.3\n@8 "
+              "12+1\t1.2+.1\t2.4+.2\t\n",
+         "a 10 gf: 20 readings, 0..19 s, 0..0.19, 980.7 Pa at 0 s; a 10.2 gf: 20 readings, 0..19 s, 0..0.38, 1000 Pa "
+         "at 0 s; "
+         "a 50 gf: 12 readings, 0..11 s, 0..0.33, 4903 Pa at 0 s",
+         ""},
+        {"a restart of the time with another load begins a new curve, which has its own height", KN_CURVE_CREEP,
+         "# area: 1 cm^2\nload_gf,time_s,height_mm\n@8 10,0+1,10-1\n@8 20,0+1,20-1\n@9 30,0+1,40-1\n",
+         "a 10 gf: 8 readings, 0..7 s, 0..0.7, 980.7 Pa at 0 s; a 20 gf: 8 readings, 0..7 s, 0..0.35, 1961 Pa at 0 s; "
+         "a 30 gf: 9 readings, 0..8 s, 0..0.2, 2942 Pa at 0 s",
+         ""},
+        {"an interval without load whose time restarts is the recovery of the interval before it", KN_CURVE_CREEP,
+         "Project:;Dough\nInterval and data points:;2;20;20\n" RHEOCOMPASS "@20 ;1+1;1+1;1+1;100,00;Dy_auto\n\n"
+         "Interval and data points:;2\n" RHEOCOMPASS "@20 ;1+1;1+1;20-1;0,01;Dy_auto\n",
+         "a: 40 readings, 1..40 s, 0.01..0.01, 100 Pa at 0 s, 0 Pa at 20.5 s, constant stress",
+         "time restarts in line 29 without load: read as the recovery, which begins at 20 s"},
+        {"missing, unsorted and simultaneous readings are repaired", KN_CURVE_CREEP,
+         LOAD SIZE "time_s,displacement_mm\n@9 8-1,0.8-.1\n7,.7\n50,\n51,nan\n", STRAINED,
+         "2 readings of displacement missing, left out; the first in line 15*not in the order of time*"
+         "1 reading has the time of another: averaged"},
+        {"a noted release time overrides the readings if both agree", KN_CURVE_CREEP,
+         "# release: 20.1 s\n" LOADED "@41 0+.5;0+.01;50\n@40 20.5+.5;0.4-.01;0\n",
+         "a: 81 readings, 0..40 s, 0..0.001, 4903 Pa at 0 s, 0 Pa at 20.1 s", ""},
+        {"a noted release time is reported if the readings have another", KN_CURVE_CREEP,
+         "# release: 25 s\n" LOADED "@41 0+.5;0+.01;50\n@40 20.5+.5;0.4-.01;0\n",
+         "a: 81 readings, 0..40 s, 0..0.001, 4903 Pa at 0 s, 0 Pa at 20.25 s", "the noted time of 25 s is not used"},
+        {"a rheometer's time, shear strain and shear stress are used, and the strain may exceed 1", KN_CURVE_CREEP,
+         "Action Name;Time (sequence)(s);Time (action)(s);Shear stress(Pa);Shear rate(s-\xc2\xb9);Shear "
+         "strain(%);Gap(mm)\n"
+         "@21 Creep;112+1,5;3;30,54;47,57;0+10,7E+001;9,15\n", // as rSpace writes
+         "a: 21 readings, 0..20 s, 0.07..20.07, 30.54 Pa at 0 s, constant stress", "time does not begin near 0"},
+        {"a stress column without values is ignored, and the stress of the note is used", KN_CURVE_CREEP, // RepTate
+         "# stress: 10 Pa\nt\tstrain\tstress\tT\ns\t-\tPa\tC\n@8 0+1\t0+.1\n",
+         "a: 8 readings, 0..7 s, 0..0.7, 10 Pa at 0 s", ""},
+        {"a stress that falls as the section grows means a constant load", KN_CURVE_CREEP,
+         "time_s,strain,stress_pa\n@41 0+1,0+.01,5000-50\n", "a: 41 readings, 0..40 s, 0..0.4, 5000 Pa at 0 s",
+         "'strain'" FRACTION},
+        {"an unchanging stress means a constant stress", KN_CURVE_CREEP,
+         "time_s,strain,stress_pa\n@41 0+1,0+.01,5000\n",
+         "a: 41 readings, 0..40 s, 0..0.4, 5000 Pa at 0 s, constant stress", "'strain'" FRACTION},
+        {"a column x without a unit is the strain only if no strain or displacement column has a unit", KN_CURVE_CREEP,
+         LOAD SIZE "time_s,x\n@9 0+1,0+.01\n", STRAINED, "'x'" FRACTION},
+        {"", KN_CURVE_CREEP, LOAD SIZE "time_s,x,displacement_mm\n@9 0+1,dry,0+.1\n", STRAINED,
+         "is used, not 'x', which has no unit"},
+        {"", KN_CURVE_CREEP, LOAD SIZE "time_s,compression,displacement_mm\n@9 0+1,7,0+.1\n", STRAINED,
+         "is used, not 'compression', which has no unit"},
+        {"", KN_CURVE_CREEP, LOAD SIZE "time_s,deformation,displacement_mm\n@9 0+1,7,0+.1\n", STRAINED,
+         "is used, not 'deformation', which has no unit"},
+        {"", KN_CURVE_CREEP, LOAD SIZE "time_s,x,strain [%]\n@9 0+1,7,0+1\n", STRAINED, ""},
+        {"", KN_CURVE_CREEP, LOAD SIZE "time_s,x [%],x\n@9 0+1,0+1,7\n", STRAINED, ""},
+        {"", KN_CURVE_CREEP, LOAD SIZE "time_s,x,x [%]\n@9 0+1,7,0+1\n", STRAINED, ""},
+        {"a strain rate is not taken for a strain", KN_CURVE_CREEP,
+         LOAD SIZE "time_s,gamma,strain rate\n@9 0+1,0+.01,7\n", STRAINED, "'gamma'" FRACTION},
+        {"relaxation has the same rule", KN_CURVE_RELAX,
+         SIZE "time [s],load [gf],x,displacement [mm]\n@8 1+1,8-1,7,1\n",
+         "a: 8 readings, 1..8 s, 706.1..88.26, strain 0.1 from 0 s", ""},
+        {"", KN_CURVE_RELAX, "# area: 1 cm^2\ntime [s],load [gf],x\n@8 1+1,8-1,.1\n",
+         "a: 8 readings, 1..8 s, 706.1..88.26, strain 0.1 from 0 s", "'x'" FRACTION},
+        {"gamma is a strain, even beside a rheometer's gap", KN_CURVE_RELAX,
+         "time [s],gamma,gap [mm],G(t) [Pa]\n@8 1+1,.01,1,8-1\n",
+         "a: 8 readings, 1..8 s, 0.08..0.01, strain 0.01 from 0 s", "'gamma'" FRACTION},
+        {"a compliance becomes a strain under the known stress, or under 1 Pa if the stress is unknown", KN_CURVE_CREEP,
+         "Time [min]\tCreep Compliance [1/kPa]\n@10 0+1\t0+.002\n",
+         "a: 10 readings, 0..540 s, 0..1.8e-05, 1 Pa at 0 s, constant stress", "stress unknown"},
+        {"", KN_CURVE_CREEP, "# stress: 2 kPa\nTime [min]\tCreep Compliance [1/kPa]\n@10 0+1\t0+.002\n",
+         "a: 10 readings, 0..540 s, 0..0.036, 2000 Pa at 0 s, constant stress", ""},
+        {"a negative compression changes its sign", KN_CURVE_CREEP, LOAD SIZE "time_s,displacement_mm\n@9 0+1,0-.1\n",
+         "a: 9 readings, 0..8 s, -0..0.08, 4903 Pa at 0 s", "its sign is changed"},
+        {"a clock that starts far from 0 is reported, and time counts from the first reading", KN_CURVE_CREEP,
+         LOAD SIZE "time_s,displacement_mm\n@9 100000+1,0+.1\n", STRAINED, "time does not begin near 0"},
+        {"a modulus stays a modulus if the strain is unknown and becomes a stress if the strain is noted",
+         KN_CURVE_RELAX, "Time [s]\tRelaxation Modulus [kPa]\n@8 1+1\t8-1\n", MODULUS ", strain 0 from 0 s", ""},
+        {"", KN_CURVE_RELAX, "# strain: 10 %\nTime [s]\tRelaxation Modulus [kPa]\n@8 1+1\t8-1\n",
+         "a: 8 readings, 1..8 s, 800..100, strain 0.1 from 0 s", ""},
+        {"a force is divided by the section at the strain, or by the initial area if the section is constant",
+         KN_CURVE_RELAX, "# strain: 20 %\n# area: 2 cm^2\ntime_s;force_N\n@8 1+1;-1.6-.2\n",
+         "a: 8 readings, 1..8 s, 6400..800, strain 0.2 from 0 s", "its sign is changed"},
+        {"", KN_CURVE_RELAX, "# strain: 20 %\n# section: constant\n# area: 2 cm^2\ntime_s;force_N\n@8 1+1;1.6-.2\n",
+         MODULUS ", strain 0.2 from 0 s, constant stress", ""},
+        {"", KN_CURVE_RELAX, "# section: constant\n# area: 2 cm^2\ntime_s;force_N\n@8 1+1;1.6-.2\n",
+         MODULUS ", strain 0 from 0 s, constant stress", ""},
+        {"a stress that rises at first counts as held from its peak on", KN_CURVE_RELAX,
+         HELD "@10 0+1,0+1\n@91 10+1,10-.1\n", "a: 91 readings, 10..100 s, 1e+04..1000, strain 0.1 from 10 s",
+         "rises until 10 s"},
+        {"both readings of a jump at one time are kept", KN_CURVE_RELAX, HELD "0,100\n@21 0+1,40-1\n",
+         "a: 22 readings, 0..20 s, 1e+05..2e+04, strain 0.1 from 0 s", ""},
+        {"frequency in Hz or rad/s and modulus as parts, tan delta or phase angle give the same sweep", KN_CURVE_SWEEP,
+         "frequency_hz,storage_pa,loss_pa\n@10 1-.1,10000-1000,3000-300\n", SWEPT, ""},
+        {"", KN_CURVE_SWEEP, "omega [rad/s],G' (kPa),G\" [Pa]\n@10 6.28318530718-.628318530718,10-1,3000-300\n", SWEPT,
+         ""},
+        {"", KN_CURVE_SWEEP, "f [Hz],|G*| [Pa],tan delta\n@10 1-.1,10440.30650891-1044.030650891,.3\n", SWEPT, ""},
+        {"", KN_CURVE_SWEEP,
+         "Angular frequency (1/s),|E*| [Pa],phase angle (\xc2\xb0)\n"
+         "@10 6.28318530718-.628318530718,10440.30650891-1044.030650891,16.699244234\n",
+         SWEPT, ""},
+    };
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        char pattern[300];
+        begin(all[i].text);
+        const bool good = loads(all[i].kind) && !strcmp(contents(), all[i].outcome);
+        snprintf(pattern, sizeof pattern, "*%s*", all[i].said);
+        if (!good || fnmatch(pattern, kn_out, 0) != 0 || (!*all[i].said && kn_said("unit")))
+            KN_TEST_FAIL("case %d, %s: %s\nexpected %s, %s\n%s%s", (int)i, all[i].sentence, contents(), all[i].outcome,
+                         all[i].said, kn_out, kn_err);
+    }
+}
+
+// --- creep
 
 TEST("with a recorded load, time and height count from the load, and the release is found")
 {
@@ -135,40 +260,6 @@ TEST("a noisy load becomes one step, and readings while the load changes are lef
     CHECK_NEAR(curve->step[0].stress_pa, 4903, 20);
 }
 
-TEST("loads that rise in stairs make one curve with one step per load")
-{
-    begin(LOADED);
-    for (int i = 0; i < 90; i++) row("%d;%.9g;%d\n", i, 0.01 * i, i < 30 ? 10 : i < 60 ? 20 : 30);
-    CHECK(loads(KN_CURVE_CREEP) && curve->steps == 3 && kn_said("in steps"));
-    CHECK_NEAR(curve->step[2].stress_pa, 30 * 98.0665, 1e-6);
-    CHECK_NEAR(curve->step[2].time_s, 59.5, 0.5);
-}
-
-TEST("each column with a load in its name is a curve of its own, and the lengths may differ")
-{
-    begin(SIZE "time_s\tdisplacement_mm 10 gf\tx (0.1 N) [mm]\t50 gf [mm]\n");
-    for (int i = 0; i < 20; i++) row(i < 12 ? "%d\t%g\t%g\t%g\n" : "%d\t%g\t%g\t\n", i, 0.01 * i, 0.02 * i, 0.1 * i);
-    CHECK(loads(KN_CURVE_CREEP) && curves == 3);
-    CHECK(curve[0].count == 20 && curve[1].count == 20 && curve[2].count == 12);
-    CHECK_STR(curve[2].name, "a 50 gf");
-    CHECK_NEAR(curve[0].step[0].stress_pa, 980.665, 1e-9);
-    CHECK_NEAR(curve[1].step[0].stress_pa, 1000, 1e-9);
-    CHECK_NEAR(curve[2].value[11], 0.11, 1e-12);
-}
-
-TEST("a restart of the time with another load begins a new curve, which may have eight readings only")
-{
-    for (int count = 8; count <= 20; count += 12) {
-        begin("# area: 1 cm^2\nload_gf,time_s,height_mm\n");
-        for (int k = 1; k <= 5; k++)
-            for (int i = 0; i < count; i++) row("%d,%d,%g\n", 10 * k, i, 10 + k - 0.01 * k * i);
-        CHECK(loads(KN_CURVE_CREEP) && curves == 5 && curve[4].count == count);
-        CHECK_STR(curve[2].name, "a 30 gf");
-        for (int k = 1; k <= 5; k++) CHECK_NEAR(curve[k - 1].height_m, 0.01 + 1e-3 * k, 1e-12); // each has its own
-        CHECK(curve[1].line[0] == 3 + count && curve[1].step[0].time_s == 0);
-    }
-}
-
 // A first table of `count` readings, of which one was moved, and a second table every `step` s.
 static void check_second_table(int count, int from, int to, int step)
 {
@@ -185,8 +276,7 @@ TEST("a second table under the same load is refused at its first line, even behi
     check_second_table(40, 2, 1, 1);
     check_second_table(40, 27, 20, 1);
     check_second_table(12, 3, 9, 1);
-    begin(HELD);
-    for (int i = 0; i < 40; i++) row("%d,%g\n", i % 20, exp(-(i % 20) / 20.0));
+    begin(HELD "@20 0+1,20-1\n@20 0+1,20-1\n");
     refused(KN_CURVE_RELAX, 23, "time restarts");
 }
 
@@ -227,171 +317,23 @@ TEST("a misplaced reading among readings evenly spaced in log time is sorted int
 
 TEST("rows in any order are sorted by time")
 {
-    for (int k = 0; k < 2; k++) {
-        begin(PRESSED);
-        for (int i = 0; i < 397; i++) {
-            const double t = 0.1 * (k ? 396 - i : i * 151 % 397);
-            row("%g,%.9g\n", t, crept_mm(t));
-        }
-        CHECK(loads(KN_CURVE_CREEP) && curves == 1 && curve->count == 397);
-    }
-}
-
-TEST("a time that jumps to 1,000 in a file with decimal commas is refused, with a hint at thousands separators")
-{
-    begin(NOTES "time [s];displacement [um]\n");
-    for (int i = 0; i < 20; i++) row("%d;%d,5\n", 980 + i, 100 + i);
-    for (int i = 0; i < 20; i++) row("1,%03d;%d,5\n", i, 120 + i);
-    refused(KN_CURVE_CREEP, 26, "without thousands separators");
-}
-
-TEST("an interval without load whose time restarts is read as the recovery of the interval before it")
-{
-    begin("Project:;Dough\nInterval and data points:;2;20;20\n"); // in the format of RheoCompass
-    for (int k = 0; k < 2; k++) {
-        row("Interval data:;Point No.;Time;Shear Strain;Shear Stress;Status\n;[];[s];[%%];[Pa];[]\n");
-        for (int i = 1; i <= 20; i++)
-            row(";%d;%d;%.9g;%s;Dy_auto\n", i, i, 100 * crept_mm(k ? 20 + i : i), k ? "0,01" : "100,00");
-        if (k == 0) row("\nInterval and data points:;2\n");
-    }
-    for (char *p = (fflush(out), text); *p; p++) // decimal commas, as in that format
-        if (*p == '.' && p[1] >= '0' && p[1] <= '9') *p = ',';
-    CHECK(loads(KN_CURVE_CREEP) && curves == 1 && curve->steps == 2 && curve->constant_area);
-    CHECK(kn_said("time restarts in line 29 without load: read as the recovery, which begins at 20 s"));
-    CHECK(curve->count == 40 && curve->time_s[39] == 40 && curve->step[0].stress_pa == 100);
-    CHECK_NEAR(curve->step[1].time_s, 20.5, 0.5);
-}
-
-TEST("a rheometer file yields the time, shear strain and shear stress, and the strain may exceed 1")
-{
-    begin("Action Name;Time (sequence)(s);Time (action)(s);Shear stress(Pa);Shear rate(s-\xc2\xb9);Shear strain(%);"
-          "Normal force(N);Frequency(Hz);Gap(mm)\n"); // in the format of rSpace
-    for (int i = 0; i <= 20; i++) row("Creep;%d,5;%d;30,54;47,57;%d,7E+001;0,2;;9,15\n", 112 + i, i % 5, 10 * i);
-    CHECK(loads(KN_CURVE_CREEP) && curve->count == 21 && curve->constant_area);
-    CHECK_NEAR(curve->value[20], 20.07, 0.01);
-    CHECK_NEAR(curve->step[0].stress_pa, 30.54, 1e-9);
-    CHECK(curve->time_s[20] == 20 && kn_said("time does not begin near 0"));
-}
-
-TEST("a stress column without values is ignored, and the stress of the note is used")
-{
-    begin("# stress: 10 Pa\nt\tstrain\tstress\tT\ns\t-\tPa\tC\n"); // in the format of RepTate's files
-    for (int i = 0; i <= 20; i++) row("%d\t%g\n", i, 1e-4 * i);
-    CHECK(loads(KN_CURVE_CREEP) && curve->count == 21 && curve->step[0].stress_pa == 10);
-}
-
-TEST("a stress that falls as the section grows means constant load; an unchanging stress means constant stress")
-{
-    for (int same = 0; same < 2; same++) {
-        begin("time_s,strain,stress_pa\n");
-        for (int i = 0; i <= 40; i++) row("%d,%.9g,%.9g\n", i, 0.01 * i, same ? 5000 : 5000 * (1 - 0.01 * i));
-        CHECK(loads(KN_CURVE_CREEP) && curve->constant_area == same);
-        CHECK_NEAR(curve->step[0].stress_pa, 5000, same ? 0 : 1e-3);
-    }
-}
-
-TEST("a column x without a unit is used as the strain only if no strain or displacement column has a unit, and a "
-     "strain rate is never used")
-{
-    static const char fraction[] = "' has no unit and is read as a fraction of the height";
-    static const struct {
-        const char *columns, *before, *after; // the cells before and after the strain, in each row
-        double factor;
-        const char *words; // NULL: nothing is said about a unit
-    } creeps[] = {{"x,displacement_mm", "dry,", "", 1, "is used, not 'x', which has no unit"},
-                  {"compression,displacement_mm", "7,", "", 1, "is used, not 'compression', which has no unit"},
-                  {"deformation,displacement_mm", "7,", "", 1, "is used, not 'deformation', which has no unit"},
-                  {"x,strain [%]", "7,", "", 10, NULL},
-                  {"x", "", "", 0.1, fraction},
-                  {"gamma,strain rate", "", ",7", 0.1, fraction},
-                  {"x [%],x", "", ",7", 10, NULL},
-                  {"x,x [%]", "7,", "", 10, NULL}};
-    static const struct {
-        const char *head, *cells;
-        double strain;
-        const char *words;
-    } holds[] = {{SIZE "time [s],load [gf],x,displacement [mm]\n", "7,1", 0.1, NULL},
-                 {"# area: 1 cm^2\ntime [s],load [gf],x\n", "0.1", 0.1, fraction},
-                 {"time [s],G(t) [Pa],gamma,gap [mm]\n", "0.01,1", 0.01, fraction}}; // the gap of a rheometer
-    for (size_t k = 0; k < sizeof creeps / sizeof *creeps; k++) {
-        begin(NOTES "time_s,");
-        row("%s\n", creeps[k].columns);
-        for (int i = 0; i <= 40; i++)
-            row("%d,%s%.9g%s\n", i, creeps[k].before, creeps[k].factor * crept_mm(i), creeps[k].after);
-        CHECK(loads(KN_CURVE_CREEP) && (creeps[k].words ? kn_said(creeps[k].words) : !kn_said("has no unit")));
-        CHECK_NEAR(curve->value[10], crept_mm(10) / 10, 1e-9);
-    }
-    for (size_t k = 0; k < sizeof holds / sizeof *holds; k++) {
-        begin(holds[k].head);
-        for (int i = 0; i <= 40; i++) row("%d,%g,%s\n", i, 50 * exp(-i / 20.0), holds[k].cells);
-        CHECK(loads(KN_CURVE_RELAX) && (!holds[k].words || kn_said(holds[k].words)));
-        CHECK_NEAR(curve->strain, holds[k].strain, 1e-9);
-    }
-}
-
-TEST("a compliance becomes a strain under the known stress, or under 1 Pa if the stress is unknown")
-{
-    for (int known = 0; known < 2; known++) {
-        begin(known ? "# stress: 2 kPa\n" : "");
-        row("Time [min]\tCreep Compliance [1/kPa]\n");
-        for (int i = 0; i < 10; i++) row("%d\t%g\n", i, 0.002 * i);
-        CHECK(loads(KN_CURVE_CREEP) && curve->constant_area && curve->time_s[9] == 540);
-        CHECK(curve->step[0].stress_pa == (known ? 2000 : 1) && kn_said("stress unknown") == !known);
-        CHECK_NEAR(curve->value[9], known ? 0.036 : 0.018e-3, known ? 1e-15 : 1e-18);
-    }
-}
-
-TEST("a negative compression changes its sign, and a message says so")
-{
     begin(PRESSED);
-    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", i, -crept_mm(i));
-    CHECK(loads(KN_CURVE_CREEP) && kn_said("its sign is changed") && curve->value[10] > 0);
+    for (int i = 0; i < 397; i++) row("%g,%.9g\n", 0.1 * (i * 151 % 397), crept_mm(0.1 * (i * 151 % 397)));
+    CHECK(loads(KN_CURVE_CREEP) && curves == 1 && curve->count == 397);
 }
 
 TEST("notes in the file override the command-line options, and options replace missing notes")
 {
-    begin(PRESSED);
-    crept(41, 1);
+    begin(PRESSED "@41 0+1,0+.01\n");
     options.load_n = 9;
     options.release_s = 5;
     CHECK(loads(KN_CURVE_CREEP) && curve->step[1].time_s == 20);
     CHECK_NEAR(curve->step[0].stress_pa, 4903.325, 1e-9);
-    begin("time_s,displacement_mm\n");
-    crept(41, 1);
+    begin("time_s,displacement_mm\n@41 0+1,0+.01\n");
     options = (kn_curve_options){
         .subcommand = "identify creep", .load_n = 1, .area_m2 = 1e-3, .height_m = 0.02, .release_s = 5};
     CHECK(loads(KN_CURVE_CREEP) && curve->step[1].time_s == 5 && curve->step[0].stress_pa == 1000);
-    CHECK_NEAR(curve->value[20], crept_mm(20) / 20, 1e-9);
-}
-
-TEST("a noted release time overrides the readings if both agree; otherwise a message reports the conflict")
-{
-    for (int k = 0; k < 2; k++) {
-        begin(k ? "# release: 20.1 s\n" LOADED : "# release: 25 s\n" LOADED);
-        for (int i = 0; i <= 80; i++) row("%g;%.9g;%g\n", 0.5 * i, crept_mm(0.5 * i), i <= 40 ? 50.0 : 0);
-        CHECK(loads(KN_CURVE_CREEP) && curve->steps == 2);
-        if (k) CHECK(curve->step[1].time_s == 20.1 && curve->step[1].early_s == 20.1);
-        else CHECK(kn_said("the noted time of 25 s is not used") && curve->step[1].time_s < 20.5);
-    }
-}
-
-TEST("missing, unsorted and simultaneous readings are repaired, and messages count them")
-{
-    begin(PRESSED);
-    for (int i = 40; i >= 0; i--) row("%d,%.9g\n", i, crept_mm(i));
-    row("7,%.9g\n50,\n51,nan\n", crept_mm(7));
-    CHECK(loads(KN_CURVE_CREEP) && curve->count == 41);
-    CHECK(kn_said("2 readings of displacement missing, left out; the first in line 48"));
-    CHECK(kn_said("not in the order of time") && kn_said("1 reading has the time of another: averaged"));
-    CHECK(curve->time_s[7] == 7 && curve->weight[7] == 2 && curve->weight[8] == 1);
-    CHECK_NEAR(curve->value[7], crept_mm(7) / 10, 1e-9);
-}
-
-TEST("a clock that starts far from 0 is reported, and time counts from the first reading")
-{
-    begin("# load: 50 gf\n" SIZE "time_s,displacement_mm\n");
-    for (int i = 0; i <= 40; i++) row("%d,%.9g\n", 100000 + i, crept_mm(i));
-    CHECK(loads(KN_CURVE_CREEP) && kn_said("time does not begin near 0") && curve->time_s[40] == 40);
+    CHECK_NEAR(curve->value[20], 0.01, 1e-9);
 }
 
 TEST("a strain that begins long after the noted load is reported, with or without readings before it")
@@ -407,17 +349,10 @@ TEST("a strain that begins long after the noted load is reported, with or withou
     }
 }
 
-TEST("a height measured from the first reading is not reported as a late strain")
-{
-    begin("# load: 50 gf\n# area: 1 cm^2\ntime_s,height_mm\n");
-    for (int i = 1; i <= 80; i++) row("%g,%.9g\n", 0.5 * i, 10 - crept_mm(0.5 * i));
-    CHECK(loads(KN_CURVE_CREEP) && !kn_said("the strain begins at"));
-}
-
 TEST("each missing, unusable or impossible quantity is refused in one line with its place and the remedy")
 {
-#define TWO "0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n6,7\n7,7.5\n8,8\n"
-#define THREE "1,1,1\n2,2,2\n3,3,3\n4,4,4\n5,5,5\n6,6,6\n7,7,7\n8,8,8\n9,9,9\n"
+#define TWO "@9 0+1,1+1\n"
+#define THREE "@9 1+1,1+1,1+1\n"
     static const struct {
         kn_curve_kind kind;
         const char *text;
@@ -463,8 +398,7 @@ TEST("each missing, unusable or impossible quantity is refused in one line with 
 TEST("a file beyond the 32nd curve is refused, and the curves before stay")
 {
     int code = KN_EXIT_OK;
-    begin(PRESSED);
-    crept(41, 1);
+    begin(PRESSED "@41 0+1,0+.01\n");
     CHECK(loads(KN_CURVE_CREEP));
     kn_hear();
     for (int i = 1; i <= KN_CURVES_MAX && code == KN_EXIT_OK; i++)
@@ -538,32 +472,6 @@ TEST("the noise of a coarse gauge is its step divided by the square root of 12, 
 
 // --- relaxation
 
-TEST("a modulus stays a modulus if the strain is unknown and becomes a stress if the strain is noted")
-{
-    for (int k = 0; k < 2; k++) {
-        begin(k ? "# strain: 10 %\n" : "");
-        row("Time\tRelaxation Modulus\n");
-        for (int i = 1; i <= 20; i++) row("%d\t%g\n", i, 1000 * exp(-i / 5.0));
-        options.units = "time=s,modulus=kPa";
-        CHECK(loads(KN_CURVE_RELAX) && curve->count == 20 && curve->begin_s == 0);
-        CHECK(curve->strain == (k ? 0.1 : 0) && !curve->other);
-        CHECK_NEAR(curve->value[4], (k ? 1e5 : 1e6) * exp(-1), 1);
-    }
-}
-
-TEST("a force is divided by the section at the strain, or by the initial area if the section is constant")
-{
-    static const char *const notes[] = {"# strain: 20 %\n", "# strain: 20 %\n# section: constant\n",
-                                        "# section: constant\n"};
-    for (int k = 0; k < 3; k++) {
-        begin(notes[k]);
-        row("# area: 2 cm^2\ntime_s;force_N\n");
-        for (int i = 1; i <= 20; i++) row("%d;%g\n", i, -exp(-i / 5.0));
-        CHECK(loads(KN_CURVE_RELAX) && kn_said("its sign is changed"));
-        CHECK_NEAR(curve->value[4], (k ? 1 : 0.8) * exp(-1) / 2e-4, 0.01);
-    }
-}
-
 TEST("a recorded ramp ends where its line reaches the held strain, and its readings stay in the curve")
 {
     begin("# height: 1 cm\ntime_s,displacement_mm,stress_kPa\n");
@@ -579,46 +487,7 @@ TEST("a recorded ramp ends where its line reaches the held strain, and its readi
     CHECK_NEAR(curve->other[10], 0.05, 1e-6);
 }
 
-TEST("a stress that rises at first counts as held from its peak on")
-{
-    begin(HELD);
-    for (int i = 0; i <= 100; i++) row("%d,%g\n", i, i < 10 ? i : 10 * exp(-(i - 10) / 20.0));
-    CHECK(loads(KN_CURVE_RELAX) && curve->begin_s == 10 && curve->count == 91 && kn_said("rises until 10 s"));
-}
-
-TEST("both readings of a jump at one time are kept")
-{
-    begin(HELD "0,100\n");
-    for (int i = 0; i <= 20; i++) row("%d,%g\n", i, 40 * exp(-i / 20.0));
-    CHECK(loads(KN_CURVE_RELAX) && curve->count == 22 && curve->value[0] == 100e3 && curve->value[1] == 40e3);
-}
-
 // --- sweeps
-
-TEST("frequency in Hz or rad/s and modulus as parts, tan delta or phase angle give the same sweep")
-{
-    static const struct {
-        const char *head;
-        double per_hz, parts[2]; // what the first and second part of each modulus is divided by; 0: size and other[k]
-        double angle;
-    } all[] = {{"frequency_hz,storage_pa,loss_pa\n", 1, {1, 1}, 0},
-               {"omega [rad/s],G' (kPa),G\" [Pa]\n", 2 * M_PI, {1e3, 1}, 0},
-               {"f [Hz],|G*| [Pa],tan delta\n", 1, {0}, 0.3},
-               {"Angular frequency (1/s),|E*| [Pa],phase angle (\xc2\xb0)\n", 2 * M_PI, {0}, 16.699244233993621}};
-    for (int k = 0; k < 4; k++) {
-        begin(all[k].head);
-        for (int i = 10; i >= 1; i--) {
-            const double storage = 1000.0 * i, loss = 300.0 * i;
-            row("%.12g,", 0.1 * i * all[k].per_hz);
-            if (all[k].angle > 0) row("%.12g,%.12g\n", hypot(storage, loss), all[k].angle);
-            else row("%.12g,%.12g\n", storage / all[k].parts[0], loss / all[k].parts[1]);
-        }
-        CHECK(loads(KN_CURVE_SWEEP) && curve->count == 10);
-        CHECK_NEAR(curve->time_s[4], 0.5, 1e-9);
-        CHECK_NEAR(curve->value[4], 5000, 1e-6);
-        CHECK_NEAR(curve->other[4], 1500, 1e-6);
-    }
-}
 
 TEST("the noise of a sweep is relative, and a repeated frequency has weight 2")
 {

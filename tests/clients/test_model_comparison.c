@@ -1,6 +1,5 @@
 // The comparison of models on curves of known models.
 #include "clients/identify/model_comparison.h"
-#include "tests/check.h"
 #include "tests/clients/made.h"
 
 static kn_network burgers(void)

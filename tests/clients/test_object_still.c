@@ -73,13 +73,4 @@ TEST("each vertex is matched to the nearest vertex at rest")
     }
 }
 
-TEST("objects with rest shapes 3 mm apart are refused, and the message states the distance")
-{
-    kn_vertex_match m;
-    char error[300];
-    AT_END(kn_object_still_free) kn_object_still a = sheet(11, 0, 0), b = sheet(11, 0.003f, 0);
-    CHECK(!kn_vertex_match_make(&m, &a, &b, error, sizeof error));
-    CHECK(strstr(error, "up to 3 mm apart, expected objects of the same shape") != NULL);
-}
-
 TESTS_MAIN

@@ -1,9 +1,6 @@
 // The sources of OpenGL: every available source draws the same picture.
-#include "clients/viewer/offscreen.h"
 #include "tests/clients/pictured.h"
 #include <dlfcn.h>
-
-static char error[300];
 
 // Draw by this source. Skip the test if the source is not available.
 static const uint8_t *drawn_by(const char *way)
@@ -14,14 +11,6 @@ static const uint8_t *drawn_by(const char *way)
     const uint8_t *picture = draw_by(r, dented);
     CHECK(equal(picture, draw_by(r, dented)));
     return picture;
-}
-
-TEST("an unknown value of KNEAD_GL is refused with the valid ones")
-{
-    setenv("KNEAD_GL", "vulkan", 1);
-    CHECK(kn_offscreen_open(64, 64, 1, error, sizeof error) == NULL);
-    CHECK_STR(error, "KNEAD_GL=vulkan: expected osmesa or egl");
-    unsetenv("KNEAD_GL");
 }
 
 TEST("OSMesa and EGL draw the same picture, each from its own library, and OSMesa again after EGL")

@@ -1,6 +1,5 @@
 // Fits of the papers' element to relaxations computed by the network.
 #include "clients/identify/relaxation_fit.h"
-#include "tests/check.h"
 #include "tests/clients/made.h"
 #include <time.h>
 

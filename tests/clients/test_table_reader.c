@@ -1,7 +1,6 @@
 // Tables in the formats of instruments and spreadsheets.
 #include "clients/identify/table_reader.h"
 #include "clients/cli/commands.h"
-#include "tests/check.h"
 #include "tests/clients/heard.h"
 #include <fnmatch.h>
 

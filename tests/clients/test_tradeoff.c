@@ -3,7 +3,6 @@
 #include "clients/sweep/pareto_front.h"
 #include "server/log.h"
 #include "server/wire.h"
-#include "tests/check.h"
 #include "tests/clients/heard.h"
 #include <fcntl.h>
 #include <sys/file.h>

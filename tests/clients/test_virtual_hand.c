@@ -116,9 +116,8 @@ TEST("if the server dies, the watchdog holds the force 3 ms, reaches 0 N by 20 m
     play(1); // deliver the force that is under way
     for (int silent = 1; silent <= 25; silent++) {
         play(1);
-        if (silent <= 3) CHECK(r.hand.given_n[2] == 5);
-        if (silent > 3 && silent < 20) CHECK(r.hand.given_n[2] > 0 && r.hand.given_n[2] < 5);
-        if (silent >= 20) CHECK(r.hand.given_n[2] == 0);
+        const double given_n = r.hand.given_n[2];
+        CHECK(silent <= 3 ? given_n == 5 : silent < 20 ? given_n > 0 && given_n < 5 : given_n == 0);
     }
     CHECK(r.hand.mode == KN_HAND_RETREAT && r.hand.trips == 1);
     const kn_trip *trip = &r.hand.trip[0];

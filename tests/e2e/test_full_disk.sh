@@ -78,7 +78,7 @@ lines=$(grep -c 'was not saved' kneadd.err)
 check "$lines messages, at most one a second, in $(ms well again) ms" [ "$lines" -ge 3 -a "$lines" -le $(($(ms well again) / 1000 + 2)) ]
 told=$(grep -oE '\([0-9]+ (more )?failed\)' kneadd.err | grep -oE '[0-9]+' | awk '{ n += $1 } END { print n + 0 }')
 check "the messages count each of the $errors errors once" [ "$told" = "$errors" ]
-check "the summary counts all errors" [ "$(counter saves)" = "$errors" ]
+check "the summary counts all errors" [ "$(counter 'saves failed')" = "$errors" ]
 check "KNEAD_HEALTH came with every KNEAD_STATUS" \
     [ "$(number healths disk.txt)" -ge 10 -a "$(number paired disk.txt)" = "$(number healths disk.txt)" ]
 check "the health message has the newest generation" [ "$(number generation disk.txt)" -ge "$(of later 'state["snapshot_gen"]')" ]

@@ -25,5 +25,5 @@ check "every ms is a tick or a missed tick: $(counter ticks) + $(counter missed)
     [ $(($(counter ticks) + $(counter missed))) -ge $((1000 * seconds)) ]
 check "no energy was created and no save failed" \
     grep -q 'energy created in 0 of them' kneadd.log
-check "no snapshot failed" grep -qE 'snapshots, .*; 0 errors' kneadd.log
+check "no snapshot failed" grep -qE 'snapshots saved, .*; 0 saves failed' kneadd.log
 exit $failed

@@ -132,10 +132,16 @@ TEST("errors are named, and the errors of the last fault are kept")
     tick(0, 0, 0);
     CHECK(status().current_errors == (KNEAD_STATUS_T_ERROR_FORCE_LIMIT | KNEAD_STATUS_T_ERROR_VELOCITY_LIMIT));
     CHECK(status().last_errors == 0);
+    static const int32_t named[][2] = {{KN_FAULT_OVERLOAD, KNEAD_STATUS_T_ERROR_OVERRUN},
+                                       {KN_FAULT_NONFINITE, KNEAD_STATUS_T_ERROR_PHYSICS},
+                                       {KN_FAULT_POSE_SILENCE, KNEAD_STATUS_T_ERROR_COMM_LOST}};
     out.force[0].flags = 0;
-    out.force[0].fault = KN_FAULT_POSE_SILENCE;
-    servo.safety[0].faults = 1;
-    tick(0, 0, 0);
+    for (int i = 0; i < 3; i++) {
+        out.force[0].fault = named[i][0];
+        servo.safety[0].faults = i == 2;
+        tick(0, 0, 0);
+        CHECK(status().current_errors == named[i][1]);
+    }
     out.force[0].fault = 0;
     tick(0, 0, 0);
     CHECK(status().last_errors == KNEAD_STATUS_T_ERROR_COMM_LOST && status().faults == 1);

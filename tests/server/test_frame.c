@@ -254,7 +254,7 @@ TEST("a bus error ends a request, and the words read before it are returned")
     CHECK(reply.status == KN_REPLY_BUS && reply.count == 0);
 }
 
-TEST("a malformed operation is not executed, and the operations before it are")
+TEST("a malformed operation is not executed, and the operations before it are; half a tag is answered, too")
 {
     static const struct {
         int size, words;
@@ -287,6 +287,9 @@ TEST("a malformed operation is not executed, and the operations before it are")
         CHECK(reply.status == KN_REPLY_MALFORMED && reply.count == wrong[i].words);
         CHECK(m.writes == before && m.reads == wrong[i].words && *find(&m, 3) == (before ? 42 : 0));
     }
+    uint8_t bytes[KN_FRAMER_PAYLOAD];
+    CHECK(kn_request_execute((const uint8_t[]){9}, 1, &(kn_word_bus){0}, bytes) == 3);
+    CHECK(bytes[0] == 9 && bytes[1] == 0 && bytes[2] == KN_REPLY_MALFORMED);
 }
 
 TEST("an operation that does not fit into a request is refused and leaves the request unchanged")

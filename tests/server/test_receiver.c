@@ -103,15 +103,17 @@ TEST("a datagram that is not a pose message is rejected with its own reason")
     CHECK_VERDICT(judge(&d), KN_REJECT_CHANNEL);
 }
 
-TEST("only the exact length of a pose is accepted")
+TEST("only the exact length of a pose is accepted, with or without a trailer")
 {
     start();
-    knead_probe_pose_t pose = good_pose(1, 1);
-    kn_datagram good = datagram_of("KNEAD_POSE_hand", &pose), bad = good;
-    for (bad.size = 8 + sizeof "KNEAD_POSE_hand"; bad.size <= KN_DATAGRAM_MAX; bad.size++)
-        if (bad.size != good.size && bad.size != good.size + KN_AUTH_TAG && bad.size != good.size + KN_AUTH_TRAILER)
-            CHECK_VERDICT(judge(&bad), KN_REJECT_LENGTH);
-    CHECK_VERDICT(judge(&good), KN_ACCEPTED);
+    for (size_t size = 8 + sizeof "KNEAD_POSE_hand"; size <= KN_DATAGRAM_MAX; size++) {
+        knead_probe_pose_t pose = good_pose(1, (int64_t)size);
+        kn_datagram d = datagram_of("KNEAD_POSE_hand", &pose);
+        bool fits = size == d.size || size == d.size + KN_AUTH_TAG || size == d.size + KN_AUTH_TRAILER;
+        d.size = size;
+        CHECK_VERDICT(judge(&d), fits ? KN_ACCEPTED : KN_REJECT_LENGTH);
+    }
+    CHECK(receiver.accepted == 3);
 }
 
 static kn_auth key;
@@ -470,7 +472,10 @@ TEST("lost, repeated, reordered and late poses of a probe are each counted, and 
         {21, 0, 7, 9, KN_REJECT_STALE, {7, 3, 1, 3, 1, 3}},
         {22, 0, -1, 0, KN_REJECT_STALE, {7, 2, 1, 3, 2, 3}},
         {123, 0, -1, 0, KN_ACCEPTED, {8, 2 + 99, 1, 3, 2, 99}},
-        {24, 0, -1, 0, KN_REJECT_STALE, {8, 2 + 99, 1, 4, 2, 99}}}; // too far behind to be told from a duplicate
+        {24, 0, -1, 0, KN_REJECT_STALE, {8, 2 + 99, 1, 4, 2, 99}}, // too far behind to be told from a duplicate
+        {124, 0, 0, NAN, KN_REJECT_NONFINITE, {8, 2 + 99, 1, 4, 2, 99}},
+        {200, 0, 0, NAN, KN_REJECT_NONFINITE, {8, 2 + 99, 1, 4, 2, 99}}, // too far ahead to be remembered
+        {201, 0, -1, 0, KN_ACCEPTED, {9, 2 + 99 + 76, 1, 4, 2, 99}}};
     int64_t last = 0;
     start();
     for (size_t i = 0; i < sizeof poses / sizeof *poses; i++) {
