@@ -32,6 +32,37 @@ static bool create(kn_beside *b, mode_t mode)
     return false;
 }
 
+// Create the new file without a name, which it gets in kn_beside_keep. So nothing is left of it if this process is
+// killed. Return false if the file system has no such files.
+static bool create_unnamed(kn_beside *b, mode_t mode)
+{
+    char folder[sizeof b->tmp];
+    snprintf(folder, sizeof folder, "%s", b->path);
+    char *slash = strrchr(folder, '/');
+    if (slash) slash[slash == folder] = '\0';
+    const int fd =
+        access("/proc/self/fd", X_OK) == 0 ? open(slash ? folder : ".", O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600) : -1;
+    if (fd < 0) return false;
+    b->file = fdopen(fd, "wb");
+    if (!b->file) return close(fd), false;
+    fchmod(fd, mode);
+    b->unnamed = true;
+    return true;
+}
+
+// Give the unnamed file a name in its folder that no other file has. On failure return false with the reason in errno.
+static bool give_name(kn_beside *b)
+{
+    char source[40];
+    snprintf(source, sizeof source, "/proc/self/fd/%d", fileno(b->file));
+    for (int i = 0; i < 1000; i++) {
+        snprintf(b->tmp + strlen(b->tmp) - 6, 7, "%06u", (unsigned)(getpid() + i) % 1000000);
+        b->unnamed = linkat(AT_FDCWD, source, AT_FDCWD, b->tmp, AT_SYMLINK_FOLLOW) != 0;
+        if (!b->unnamed || errno != EEXIST) break;
+    }
+    return !b->unnamed;
+}
+
 // Return the permissions that the umask of this process allows for a new file.
 static mode_t usual_mode(void)
 {
@@ -58,7 +89,8 @@ bool kn_beside_write(kn_beside *b, const char *path)
     const bool exists = lstat(path, &there) == 0;
     const bool own = !exists || (S_ISREG(there.st_mode) && there.st_nlink == 1 && there.st_uid == geteuid() &&
                                  there.st_gid == getegid() && access(path, W_OK) == 0);
-    if (name(b, path) && own && create(b, exists ? there.st_mode & 07777 : usual_mode())) return true;
+    const mode_t mode = exists ? there.st_mode & 07777 : usual_mode();
+    if (name(b, path) && own && (create_unnamed(b, mode) || create(b, mode))) return true;
     *b->tmp = '\0';
     b->file = fopen(path, "we");
     return b->file;
@@ -67,7 +99,10 @@ bool kn_beside_write(kn_beside *b, const char *path)
 bool kn_beside_keep(kn_beside *b, char *error, size_t error_size)
 {
     // Check both the writes and the close, because a full disk may cause an error only at the close.
-    const bool written = !ferror(b->file), closed = fclose(b->file) == 0;
+    const bool written = fflush(b->file) == 0 && !ferror(b->file) && (!b->unnamed || give_name(b));
+    const int why = errno;
+    const bool closed = fclose(b->file) == 0;
+    if (!written) errno = why;
     b->file = NULL;
     if (written && closed && (!*b->tmp || rename(b->tmp, b->path) == 0)) return true;
     snprintf(error, error_size, "%s: %s", b->path, strerror(errno));
@@ -79,5 +114,5 @@ void kn_beside_drop(kn_beside *b)
 {
     if (b->file) fclose(b->file);
     b->file = NULL;
-    if (*b->tmp) unlink(b->tmp);
+    if (*b->tmp && !b->unnamed) unlink(b->tmp);
 }

@@ -11,6 +11,7 @@
 typedef struct kn_beside {
     const char *path;
     char tmp[4096]; // name of the new file; "": the path itself is written
+    bool unnamed;   // the new file has no name yet, so nothing is left of it if this process is killed
     FILE *file;
 } kn_beside;
 
@@ -19,7 +20,8 @@ typedef struct kn_beside {
 // in error.
 bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t error_size);
 
-// Like kn_beside_open, for a path that the user may choose freely. `path` is written directly, without a new file, if a
+// Like kn_beside_open, for a path that the user may choose freely. The new file has no name until kn_beside_keep, if the
+// file system can have such files. `path` is written directly, without a new file, if a
 // rename would change more than the contents. This is the case for a pipe, a device, a link, a file with several names,
 // a file of another user or group, and in a folder that takes no new file. A file that is replaced keeps its
 // permissions. On failure return false with the reason in errno.
