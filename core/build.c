@@ -216,21 +216,21 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
 {
     bool rk4 = def->solver.kind == KN_SOLVER_RK4;
     m->def = *def;
-    // lattice, law and kernels first: everything else depends on them
+    // build grid, law and kernels first, because everything else depends on them
     if (!def->mesh)
         kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->thickness_m,
                      def->structure == KN_STRUCTURE_AXIS ? 0 : def->diagonal_stiffness);
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!kn_kernels_choose(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
-    // then the nodes of a mesh, of a block of two resolutions, or of a plain block
+    // build the nodes of a mesh, of a block of two resolutions, or of a plain block
     const char *wrong;
     if (def->mesh) wrong = kn_net_build(m);
     else if (kn_composite_is(def)) wrong = kn_composite_build(m);
     else wrong = kn_block_build(m) ? NULL : KN_NO_MEMORY;
     if (!wrong && !build_tools(m)) wrong = KN_NO_MEMORY;
     if (!wrong) wrong = check_stiffness(m);
-    // then the tables of the chosen solver
+    // build the tables of the chosen solver
     char text[160];
     if (!wrong && def->solver.kind == KN_SOLVER_FIXED)
         wrong = kn_lattice_edges(m) && kn_lattice_cells(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
@@ -296,7 +296,7 @@ static size_t cell_reals(const kn_model *m)
     return m->def.mesh ? 12 * (size_t)m->cell_count : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
-// Hand out the scratch of the implicit solver.
+// Divide the scratch memory among the arrays of the implicit solver.
 static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     kn_work *w = &s->work;
@@ -319,7 +319,7 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     s->last_held = kn_arena_take(a, (size_t)m->top_count * sizeof(int));
 }
 
-// Hand out the scratch of the Runge-Kutta solver.
+// Divide the scratch memory among the arrays of the Runge-Kutta solver.
 static void layout_rk4(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     size_t nodes = (size_t)m->node_count;
@@ -330,7 +330,7 @@ static void layout_rk4(const kn_model *m, kn_arena *a, kn_scratch *s)
     s->stages = kn_arena_take(a, kn_rk4_scratch(m));
 }
 
-// Hand out the scratch of the integer solver, which has a layout of its own.
+// Take the scratch memory of the integer solver as one piece; solver_fixed.c divides this piece itself.
 static void layout_fixed(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
     s->stages = kn_arena_take(a, kn_fixed_scratch(m));
@@ -404,7 +404,7 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
     memset(s->row_base, 0, (size_t)m->row_count);
     memset(w->row_moved, 0, (size_t)m->row_count);
     s->last_held_count = 0;
-    // free everything, then hold what the support holds
+    // mark all components as free, then those that the support holds as held
     for (size_t i = 0; i < kn_model_field(m, 3); i++) kn_real_set(m, w->free, i, 1);
     for (int node = 0; node < m->node_count; node++) {
         size_t o = m->offset[node];

@@ -88,8 +88,8 @@ double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
     memset(d, 0, 8 * sizeof d[0]);
     for (int i = 0; i < (depth_m > 0 ? 2 : 3); i++)
         for (int k = 0; k < 3; k++) side[i][k] = x[i + 1][k] - x[0][k];
-    // Triangle times thickness is a sixth of the product of two sides and a vector of three times the thickness along
-    // -y. Its sign fits triangles, whose corners turn from x to z.
+    // The area of a triangle times the thickness is a sixth of the triple product of two sides and a third vector. This
+    // vector has three times the thickness as its length and points along -y, because the corners turn from x to z.
     if (depth_m > 0) side[2][1] = -3 * depth_m;
     double volume = 0;
     // the gradient at a corner is a sixth of the cross product of the other two sides

@@ -64,8 +64,8 @@ static bool list_skin(kn_contact_fit *fit)
     return fit->skin_count > 0;
 }
 
-// Return the node of the skin nearest to a point. The search visits all nodes of the skin, once a round and only in
-// air.
+// Return the node of the skin nearest to a point. The search visits all nodes of the skin. It runs once per mobility
+// solve, and only while the tool is in air.
 static int nearest_node(const kn_contact_fit *fit, const kn_state *state, const double at[3])
 {
     double best = INFINITY;

@@ -267,7 +267,7 @@ const char *kn_element_name(const kn_element *normal)
 {
     char text[KN_ELEMENT_TEXT], known[KN_ELEMENT_TEXT], error[64];
     kn_element_print(normal, normal->root, false, text);
-    // compare with the normal form of every known name
+    // compare with the normal forms of all elements that have a name
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         kn_element e;
         if (!names[i].plain || !kn_element_parse(&e, names[i].name, error, sizeof error)) continue;

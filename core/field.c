@@ -305,7 +305,7 @@ kn_field *kn_field_build(int vertex_count, const double (*x_m)[3], int triangle_
         measure(f);
         f->value = malloc((size_t)f->n[0] * (size_t)f->n[1] * (size_t)f->n[2] * sizeof *f->value);
     }
-    // exact distances, then signs, then coefficients of the spline
+    // compute the exact distances, then their signs, then the coefficients of the spline
     ok = ok && f->value && fill_distances(f) && sign_distances(f) && sharpen(f);
     if (ok) return f;
     kn_field_drop(f);
@@ -365,7 +365,7 @@ double kn_field_distance(const kn_field *f, const double at[3], double gradient[
     double distance = look_up(f, u, gradient), size = sqrt(kn_dot(gradient, gradient));
     for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;
     if (beyond == 0) return distance;
-    // then find the surface point nearest to that boundary point, and return the distance of `at` from it
+    // beyond the grid, return the distance of `at` from the surface point nearest to that grid boundary point
     for (int k = 0; k < 3; k++) gradient[k] = distance * gradient[k] + over[k];
     size = sqrt(kn_dot(gradient, gradient));
     for (int k = 0; k < 3; k++) gradient[k] = size > 0 ? gradient[k] / size : k == 2;

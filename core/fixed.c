@@ -110,7 +110,7 @@ static void direction(kn_fixed *f, int edge)
     int64_t d[3], square = 0;
     for (int k = 0; k < 3; k++) {
         int i = 3 * at->i + k, j = 3 * at->j + k;
-        // twice the vector loses no bit of u/2; the shift is one larger for it
+        // compute twice the vector, so that no bit of u/2 is lost; the shift is larger by 1 to halve the result
         int64_t twice = 2 * (f->x[j] - f->x[i]) + f->u[j] - f->u[i];
         d[k] = saturate(round_shift(twice, shift + 1), KN_FIXED_D, &f->flags, KN_FIXED_SAT_DIRECTION);
         square += d[k] * d[k];

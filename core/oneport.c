@@ -157,7 +157,7 @@ static void append(char text[KN_ELEMENT_TEXT], char mark, const char *part)
 
 void kn_oneport_maxwell(const kn_oneport *o, char text[KN_ELEMENT_TEXT])
 {
-    bool alone = o->fluid && o->elastic && o->relaxation == 1; // an element of one group has no parentheses
+    bool alone = o->fluid && o->elastic && o->relaxation == 1; // a single Maxwell unit is printed without parentheses
     *text = '\0';
     for (int i = 0; i < o->relaxation; i++) append(text, '|', alone ? "s-d" : "(s-d)");
     if (!o->fluid) append(text, '|', "s");

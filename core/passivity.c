@@ -6,7 +6,7 @@
 // largest default of the damping a_max: stronger damping feels sticky, and oscillates over a simulated 10 ms link
 static const double damping_ceiling_n_s_m = 10.0;
 static const double forgiving_s = 0.1;
-// least cap if the stored energy is unknown; jelly returns 3 to 6 mJ, and a smaller cap would damp its elasticity
+// least limit of the credit if the stored energy is unknown, J; jelly returns 3 to 6 mJ, which must not be damped
 static const double unknown_cap_j = 5e-3;
 #define TAU 6.283185307179586
 

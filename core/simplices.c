@@ -62,7 +62,7 @@ static double quality_of(const kn_simplices *s, int e)
     const int *node = s->element[e];
     for (int a = 0; a < corners(s); a++)
         for (int b = 0; b < a; b++) squares += square_of_edge(s, node[a], node[b]);
-    if (!(volume > 0)) return 0; // from here on `squares` is positive, because the volume is
+    if (!(volume > 0)) return 0; // an element with a volume > 0 also has `squares` > 0
     if (s->dimension == 2) return 4 * sqrt(3) * volume / squares;
     double root = cbrt(3 * volume);
     return 12 * root * root / squares;
@@ -189,7 +189,7 @@ static int by_key(const void *a, const void *b)
     const record *p = a, *q = b;
     for (int k = 0; k < 4; k++)
         if (p->key[k] != q->key[k]) return p->key[k] < q->key[k] ? -1 : 1;
-    return p->owner < q->owner ? -1 : p->owner > q->owner; // equal keys: in the order of the file
+    return p->owner < q->owner ? -1 : p->owner > q->owner; // records with equal keys stay in the order of the file
 }
 
 static bool same_key(const record *p, const record *q) { return memcmp(p->key, q->key, sizeof p->key) == 0; }
@@ -299,7 +299,7 @@ static int list_faces(const kn_simplices *s, record *r)
     return count;
 }
 
-// Return the representative of an element's part (union-find with path halving).
+// Return the element that represents the connected part to which element `e` belongs (union-find, path halving).
 static int root_of(int *parent, int e)
 {
     while (parent[e] != e) e = parent[e] = parent[parent[e]];
@@ -340,7 +340,8 @@ static bool check_parts(checker *c, int *parent, int *members)
     for (int e = 0; e < s->element_count; e++) {
         if (members[e] == 0) continue;
         parts++;
-        if (least < 0 || members[e] <= members[least]) least = e; // of two equal parts, the later one in the file
+        if (least < 0 || members[e] <= members[least])
+            least = e; // of two equally large parts, the later one in the file
     }
     if (parts == 1) return true;
     return fault(

@@ -34,7 +34,7 @@ uint64_t kn_model_hash(const kn_model *model)
 {
     const kn_model_def *d = &model->def;
     const kn_material *mat = &d->material;
-    // these numbers belong to the kind of lattice; tools and quality do not
+    // hash the numbers that define the lattice; tools and quality points may differ between snapshot and model
     const double said[] = {mat->k1_pa,
                            mat->c1_pa_s,
                            mat->damper,

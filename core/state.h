@@ -6,7 +6,7 @@
 #include "core/model.h"
 #include <stdint.h>
 
-// A probe as the lattice sees it.
+// State of one probe: the simulated tool that touches the object.
 typedef struct kn_probe_state {
     double position_m[3];   // position of the simulated tool, which follows the pose (tool.h)
     double velocity_m_s[3]; // mean velocity of the tool over the last step

@@ -75,7 +75,7 @@ static void account_forces(kn_account *a, const kn_tick_out *out)
 #define ALL_GOOD ((1 << KN_PROBES_MAX) - 1)
 
 // Shift one tick into the ring of the last KN_RECENT_TICKS ticks, and update the numbers of good ticks in the ring. Bit
-// p of `good` is set if the tick was on time, and probe p had a fresh pose or no session.
+// p of `good` is set if the tick was on time and probe p either had a fresh pose or had no session.
 static void remember(kn_account *a, int good)
 {
     int before = a->good[a->next];
@@ -183,7 +183,8 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     ADD(&a->ticks, 1);
     ADD(&a->missed, wake->missed);
     ADD(&a->unpublished, !published);
-    // Measure the turn of the loop that missed cycles: it began one period before the deadline that it missed.
+    // Measure how long the turn of the servo loop took that missed the cycles. The turn began one period before the
+    // first missed deadline.
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);
     count(a->execution, execution_ns);
@@ -200,7 +201,8 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         guards += servo->safety[p].guards;
         faults += servo->safety[p].faults;
     }
-    // Creating energy latches no fault of a probe, and only faults replace last_errors. So add the passivity bit here.
+    // last_errors changes only when a probe is latched. Energy that the object creates latches no probe, so add the
+    // passivity bit to last_errors here.
     if (account_audit(a, servo->audit)) {
         errors |= KNEAD_STATUS_T_ERROR_PASSIVITY;
         SET(&a->last_errors, GET(&a->last_errors) | KNEAD_STATUS_T_ERROR_PASSIVITY);

@@ -38,8 +38,8 @@ typedef struct kn_account {
     _Atomic int32_t errors;         // ERROR_* bits since the last call of kn_account_take_errors
     _Atomic int32_t last_errors;
     double last_force_n[KN_PROBES_MAX][3]; // this field and all below: used by the servo thread only
-    // Ring of the last KN_RECENT_TICKS ticks. Bit p is set if the tick was on time, and probe p had a fresh pose or no
-    // session.
+    // Ring of the last KN_RECENT_TICKS ticks. Bit p is set if the tick was on time and probe p either had a fresh pose
+    // or had no session.
     uint8_t good[KN_RECENT_TICKS];
     int good_count, probe_good[KN_PROBES_MAX], next;
     int64_t began_ns; // start of the last tick; 0: no tick yet

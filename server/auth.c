@@ -12,7 +12,7 @@
 
 #define DIGITS (2 * KN_AUTH_KEY)
 
-// Read the key from an open file. Return NULL on success, or else the reason why the file is refused.
+// Read the key from an open file. Return NULL on success; otherwise return the reason why the file is refused.
 static const char *read_key(kn_auth *auth, int fd)
 {
     struct stat file;

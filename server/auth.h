@@ -32,11 +32,10 @@
 #define KN_HELLO_CHANNEL "KNEAD_HELLO"
 #define KN_LIFE_CHANNEL "KNEAD_LIFE"
 
-// Limits for the age in the stamp of a pose, us. The age may be smaller than kneadd's own age (the time since its life
-// began) by at most KN_AUTH_BEHIND_US. This limit is shorter than the second of silence that ends a session, so that a
-// recorded session cannot be replayed after its end. The age may be greater than kneadd's own by at most
-// KN_AUTH_AHEAD_US. The sender computes the age from the last message that it received and from its own clock, which
-// may run fast.
+// Limits for the age in the stamp of a pose, us. kneadd's own age is the time since its life began. The age of a pose
+// may be at most KN_AUTH_BEHIND_US below kneadd's own. This limit is shorter than the silence (1 s) that ends a
+// session, so a recorded session cannot be replayed after its end. The age of a pose may be at most KN_AUTH_AHEAD_US
+// above kneadd's own, because the sender computes the age with its own clock, which may run fast.
 #define KN_AUTH_BEHIND_US 800000
 #define KN_AUTH_AHEAD_US 100000
 
@@ -74,8 +73,8 @@ size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *pay
 bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
                    kn_auth_stamp *stamp);
 
-// Return whether a message of `size` bytes can be a payload of `payload` bytes: without a trailer, with a trailer, or
-// with the tag alone (logs of version 0.1.0).
+// Return whether a message of `size` bytes can hold a payload of the length `payload`: without a trailer, with a
+// trailer, or with the tag alone (in logs of version 0.1.0).
 static inline bool kn_auth_fits(size_t size, size_t payload)
 {
     return size == payload || size == payload + KN_AUTH_TAG || size == payload + KN_AUTH_TRAILER;

@@ -122,7 +122,7 @@ bool kn_bus_same(const kn_bus *a, const kn_bus *b)
     return a->group.sin_addr.s_addr == b->group.sin_addr.s_addr && a->group.sin_port == b->group.sin_port;
 }
 
-// Open a directory in which only the user of this process can create, change or remove a name. Return -1 for any other
+// Open a directory in which only the user of this process can create, rename or remove files. Return -1 for any other
 // directory.
 static int open_own(int parent, const char *path)
 {

@@ -90,9 +90,10 @@ typedef enum kn_framing { KN_FRAMED, KN_FRAME_RUNT, KN_FRAME_MAGIC, KN_FRAME_CHA
 // Parse a datagram of `size` bytes. The pointers in *packet point into `bytes`.
 kn_framing kn_bus_unpack(const unsigned char *bytes, size_t size, kn_packet *packet);
 
-// Return how many datagrams the kernel has dropped since the socket was opened because its receive buffer was full,
-// modulo 2^32. The socket option SO_RXQ_OVFL would attach this number to each datagram. This function instead asks the
-// socket for the number (SO_MEMINFO), which includes drops after the last datagram received.
+// Return how many datagrams the kernel has dropped since the socket was opened, modulo 2^32. The kernel drops a
+// datagram when the socket's receive buffer is full. This function asks the socket for the number (SO_MEMINFO). The
+// socket option SO_RXQ_OVFL would attach the number to each received datagram, so drops after the last received
+// datagram would be missed.
 uint32_t kn_bus_drops(int fd);
 
 // Read and write big-endian integers, as LCM encodes them. The caller checks the bounds.

@@ -13,10 +13,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-_Static_assert(KN_CONSOLE_LINE <= PIPE_BUF, "a pipe that is ready takes a whole line at once");
+_Static_assert(KN_CONSOLE_LINE <= PIPE_BUF, "a pipe that is ready for writing takes a whole line at once");
 
-// Four values for each of stdout and stderr: descriptor to write to; number of lines dropped since the last report;
-// true if a write failed; true if the last write ended within a line.
+// Values for each of stdout and stderr. `own`: descriptor to write to; `dropped`: number of lines dropped since the
+// last report; `failed`: true if a write failed; `torn`: true if the last write ended within a line.
 static int own[STDERR_FILENO + 1] = {-1, STDOUT_FILENO, STDERR_FILENO};
 static _Atomic int64_t dropped[STDERR_FILENO + 1];
 static atomic_bool failed[STDERR_FILENO + 1], torn[STDERR_FILENO + 1];

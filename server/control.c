@@ -53,7 +53,7 @@ struct kn_control {
     sem_t given;
     atomic_bool ending;
     int done_fd; // eventfd with which the worker wakes the control thread
-    // Number of malformed or rate-limited lines that were counted but not logged since the last report of their number.
+    // Number of malformed or rate-limited lines that have not been reported yet.
     int untold;
     struct ucred untold_of; // sender of the latest line counted in `untold`
     int64_t untold_ns;      // time of the last report of `untold`
@@ -98,8 +98,8 @@ static bool serves(const struct sockaddr_un *at)
     return yes;
 }
 
-// Remove the socket file of a server that has ended. Return NULL if the path is then free, or else the reason why the
-// path cannot be bound.
+// Remove the socket file of a server that has ended. Return NULL if the path can then be bound; otherwise return the
+// reason why it cannot.
 static const char *make_room(const struct sockaddr_un *at)
 {
     struct stat there;
@@ -195,9 +195,9 @@ static void send_reply(peer *p, json_t *answer)
     json_decref(answer);
 }
 
-// Return an entry of `peers` for a new connection. A free entry is best. Otherwise disconnect the peer that was silent
-// for longest, and return its entry. A peer that waits for the answer to a slow request is disconnected only if there
-// is no other. So silent peers that hold all connections cannot keep out an emergency stop.
+// Return an entry of `peers` for a new connection. If there is no free entry, disconnect the peer that was silent for
+// longest, and return its entry. Peers that wait for the answer to a slow request are disconnected only if all others
+// wait as well. So a new peer can always connect to send an emergency stop, even if silent peers held all connections.
 static peer *make_place(kn_control *c)
 {
     peer *place = NULL;
@@ -305,7 +305,7 @@ json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t len
     return *request ? def->answer(def->self, *request) : refusal;
 }
 
-// Send the reply to a request. Log request and reply first if the callback `audits` says so. Takes ownership of
+// Send the reply to a request. If the callback `audits` returns true, log request and reply first. Takes ownership of
 // `reply`.
 static void answer(const kn_control *c, peer *p, const json_t *request, json_t *reply)
 {
@@ -378,8 +378,8 @@ static void do_urgent(kn_control *c, peer *p, const json_t *request)
 }
 
 // Carry out urgent requests ahead of the peer's earlier lines, even while a slow request of the peer is being answered,
-// and regardless of the limit of commands a second. All urgent lines that arrived together are carried out once, so
-// that no peer can occupy this thread. Each of them is answered in its turn.
+// and regardless of the limit of commands a second. Urgent lines that arrived together are carried out only once, so
+// that no peer can occupy this thread. Each of these lines is answered in its turn.
 static void hasten(kn_control *c, peer *p)
 {
     json_t *urgent = NULL, *refusal;
@@ -424,7 +424,7 @@ static void hear(kn_control *c, peer *p)
     memmove(p->line, p->line + size, p->length);
 }
 
-// Record that the peer has finished sending. The peer's last line counts even without a newline.
+// Record that the peer has finished sending. The peer's last line is served even if its newline is missing.
 static void end(peer *p)
 {
     p->ended = true;

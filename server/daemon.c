@@ -17,13 +17,13 @@
 #include <time.h>
 #include <unistd.h>
 
-// largest number of datagrams read per tick (256 kHz); at 1-2 us each, a flood of datagrams takes at most half of every
-// millisecond
+// largest number of datagrams read per tick, that is, 256 000 a second; reading a datagram takes 1-2 us, so a flood of
+// datagrams takes at most half of every millisecond
 #define DATAGRAMS_PER_TICK 256
 // time from the start of the threads to tick 0, ns; by then every thread has left the start barrier and sleeps
 #define START_DELAY_NS 20000000
-// Time after the first signal from which a second signal ends the process at once, ns. timeout(1) and shells send the
-// first signal twice, and a stop takes 100 ms at most.
+// A second signal ends the process at once if it arrives later than this after the first signal, ns. An earlier second
+// signal is ignored, because timeout(1) and shells send the first signal twice. A normal stop takes 100 ms at most.
 #define PATIENCE_NS 300000000
 #define SIGNALS 3
 #define BUFFER_BYTES (1 << 20) // receive buffer of the socket, bytes: about 1 300 poses
@@ -50,7 +50,8 @@ typedef struct server {
     kn_rt rt;
     pthread_t thread[THREADS];
     pthread_barrier_t go; // threads wait here until their stacks are locked with all other memory
-    atomic_bool ending;   // true: the threads of normal priority end; the keeper has a flag of its own
+    // true: all threads of normal priority except the keeper must end; the keeper has a flag of its own
+    atomic_bool ending;
     struct ev_loop *ev;
     ev_io readable;
     ev_async ticked, asked, leave, load;
@@ -125,7 +126,7 @@ static void on_scene_due(struct ev_loop *ev, ev_timer *w, int events)
     kn_publisher_scene(&d->exchange.publisher, kn_stamp_us());
 }
 
-// Ask the servo to ramp the forces to zero and stop. systemd is told whether a reload or an end follows.
+// Ask the servo to ramp the forces to zero and stop. Tell systemd whether kneadd reloads a scene or ends.
 static void stop(server *d)
 {
     atomic_store(&d->loop.stop, true);
@@ -461,8 +462,8 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     return true;
 }
 
-// time of the first signal, or of the end of the previous life (life: see auth.h), ns; a signal more than PATIENCE_NS
-// later ends the process
+// Start of the stop, ns: time of the first signal, or the end of the previous life (run, see auth.h) if there was no
+// signal. A signal more than PATIENCE_NS later ends the process at once.
 static int64_t stopping_ns;
 // set by a signal that arrived between the end of one life (run) of the server and the start of the next
 static volatile sig_atomic_t told_to_end;
@@ -484,7 +485,7 @@ static void join_worker(server *d)
     clock_gettime(CLOCK_REALTIME, &until);
     until.tv_sec += 2;
     d->stuck = pthread_timedjoin_np(d->thread[WORKER], NULL, &until) != 0;
-    if (d->stuck) kn_console_err("kneadd: stops without an answer to a request that takes too long");
+    if (d->stuck) kn_console_err("kneadd: stopping without an answer to a control request that takes too long");
 }
 
 // Stop all threads and save the object. Return false if the object could not be saved.

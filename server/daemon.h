@@ -18,12 +18,12 @@ typedef struct kn_daemon_def {
     // Safety limits that a scene loaded later must not exceed; NULL: the limits of the first scene.
     const kn_safety_limits *limits;
     kn_served_object_def object;
-    // LCM URL of the bus for poses and forces. NULL: take the environment variable LCM_DEFAULT_URL, or if it is not set
-    // KN_LCM_URL (with `lan` KN_LCM_LAN_URL).
+    // LCM URL of the bus for poses and forces. NULL: use the environment variable LCM_DEFAULT_URL. If the variable is
+    // not set either, use KN_LCM_URL without `lan`, and KN_LCM_LAN_URL with `lan`.
     const char *lcm_url;
-    const char *mesh_url;              // LCM URL of the bus for meshes; NULL: KN_MESH_URL, with `lan` KN_MESH_LAN_URL
-    const char *control;               // path of the control socket (control.h); NULL: none
-    const char *lan;                   // network interface of both buses; NULL: lo
+    const char *mesh_url; // LCM URL of the bus for meshes; NULL: KN_MESH_URL without `lan`, KN_MESH_LAN_URL with `lan`
+    const char *control;  // path of the control socket (control.h); NULL: none
+    const char *lan;      // network interface of both buses; NULL: lo
     struct in_addr peer[KN_PEERS_MAX]; // addresses that poses are accepted from
     int peers;                         // number of entries in `peer`; 0: poses are accepted from any address
     const char *key;                   // path of the key file (auth.h); NULL: no key

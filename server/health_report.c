@@ -297,8 +297,8 @@ static void tell_ready(kn_health_check *c, FILE *out)
     kn_fpga_counts circuit;
     if (kn_backend_fpga_counts(&c->served->backend, &circuit)) {
         fprintf(out,
-                "kneadd: on a circuit: a tick without contact takes %.2g ms there and back, a state takes %.2g s "
-                "to load; the queue holds %lld ticks\n",
+                "kneadd: on a circuit: a tick without contact takes %.2g ms until its result arrives, loading a "
+                "state takes %.2g s; the queue holds %lld ticks\n",
                 1e-6 * (double)c->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (c->rest_ns > REST_TICK_NS)
             fprintf(out,

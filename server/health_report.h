@@ -37,7 +37,7 @@ typedef struct kn_health_check {
     int64_t faults_seen, saves_failed_told, circuit_failed_told, invalid_told;
     int32_t errors_told;
     unsigned refusals_told; // reasons of rejection that have been reported, one bit per kn_pose_verdict
-    // The fields below are used by the mesh thread only: the values that its lines have reported so far. tick_told
+    // The fields below hold the values that were reported last. Only the mesh thread uses these fields. tick_told
     // begins at -1, quality_told at the scene's quality.
     int64_t tick_told, unpublished_told, missed_told, created_told;
     kn_quality quality_told;

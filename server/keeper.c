@@ -71,7 +71,8 @@ static bool moved(const kn_keeper *k, const kn_servo *servo, const kn_state *now
     return k->last_hash != servo->scene->text_hash || kn_state_moved(k->model, now, last, KN_KEEPER_MOVED_M);
 }
 
-// The object still equals the last copy. If this copy has been saved, the newest file equals the object now.
+// Record that the object still equals the last copy. If this copy has been saved, the newest file equals the object
+// now.
 static void confirm(kn_keeper *k, int64_t now_ns)
 {
     if (atomic_load(&k->as_of_ns) && atomic_load(&k->slot[k->last].saved_whole)) atomic_store(&k->as_of_ns, now_ns);
@@ -91,15 +92,16 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
     kn_keeper *k = keeper;
     if (k->store.dir < 0) return;
     int64_t number =
-        // The energy audit copies the state in ticks that are multiples of 1000, so compare midway between two of them.
+        // The energy audit copies the state in ticks that are multiples of 1000, so compare the object midway between
+        // two such ticks.
         (wake->tick + KN_KEEPER_TICKS / 2) / KN_KEEPER_TICKS;
     int64_t asked = atomic_load(&k->asked);
     k->due |= number != k->looked;
     k->looked = number;
     kn_kept *slot = &k->slot[!k->last];
     const kn_state *now = servo->backend->state(servo->backend->self);
-    // Return unless a copy is due or requested, and can be made: a slot is free, the state is finite, and no force
-    // limit is pending.
+    // Go on only if a copy is due or requested, and can be made. A copy can be made if a slot is free, the state is
+    // finite, and no force limit is pending.
     if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full) || relimiting(servo)) return;
     // Copy if a snapshot was requested, the last save failed, or the object has moved.
     k->due = false;
@@ -342,8 +344,8 @@ bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size
 {
     kn_keeper *k = keeper;
     if (k->store.dir < 0) return true;
-    // In one atomic step, increase the number of orders in `marks`, and set its lowest bit to the new state of the
-    // emergency stop.
+    // In one atomic step, increase the number of orders in `marks`, and set the lowest bit of `marks` to the new state
+    // of the emergency stop.
     int64_t before = atomic_load(&k->marks), marks;
     do marks = (((before >> 1) + 1) << 1) | estopped;
     while (!atomic_compare_exchange_weak(&k->marks, &before, marks));

@@ -81,7 +81,7 @@ typedef struct kn_keeper {
 // Return 0 on success. Otherwise put one line in `error` and return an exit code.
 int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
                    size_t error_size);
-// Close a keeper. It may never have been opened, if all its fields are 0 and store.dir is -1.
+// Close a keeper. A keeper that was never opened is allowed if all its fields are 0 and store.dir is -1.
 void kn_keeper_close(kn_keeper *keeper);
 size_t kn_keeper_bytes(const kn_model *model, bool saves); // return the size of a keeper's memory, bytes
 
@@ -99,17 +99,17 @@ bool kn_keeper_finish(kn_keeper *keeper, const kn_servo *servo, int64_t tick);
 // have been sent. Real-time safe.
 void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime);
 
-// Write to disk that an emergency stop is in force, or no longer in force. This mark holds for every later start until
-// the opposite is written. Called by a thread other than the keeper thread, before `ending` is set. If the mark was not
-// written within KN_KEEPER_PATIENCE_MS, put one line in `why` and return false. Without a directory, do nothing and
-// return true.
+// Write to disk whether an emergency stop is in force. Every later start of kneadd follows this mark until the opposite
+// is written. Called by a thread other than the keeper thread, before `ending` is set. If the mark was not written
+// within KN_KEEPER_PATIENCE_MS, put one line in `why` and return false. Without a directory, do nothing and return
+// true.
 bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size);
 
 // Return the time since the object last equalled the newest snapshot file, ms; -1: there is no file.
 int64_t kn_keeper_age_ms(const kn_keeper *keeper);
 
-// Return true if a copy of an object of this model still waits to be written to disk. Once the model is no longer
-// served and the answer was false, the answer stays false.
+// Return true if a copy of an object of this model still waits to be written to disk. Once `model` is no longer served,
+// the result cannot change from false to true any more.
 bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model);
 
 // The operator's thread calls kn_keeper_snapshot, kn_keeper_restore and kn_keeper_undo. Each of them waits at most

@@ -238,7 +238,7 @@ static const char *see_tick(kn_log_summary *s, int64_t tick, int64_t missed, int
     return NULL;
 }
 
-// Keep the name of a probe that has forces, but only once.
+// Add the name of a probe that has forces, if the summary does not have the name yet.
 static void keep_probe(kn_log_summary *s, const char *name)
 {
     for (int i = 0; i < KN_PROBES_MAX; i++) {

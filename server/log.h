@@ -79,11 +79,11 @@ bool kn_log_write(lcm_eventlog_t *file, int64_t utime, const char *channel, void
 // record per second. Without limits, a few forged records with very large tick numbers could make a replay run for
 // ever.
 #define KN_LOG_RECORD_MS 1000 // time span that each record allows a log, both in ticks and in log time, ms
-// Time that a log may span in addition to KN_LOG_RECORD_MS per record, for all its pauses together (missed cycles, a
-// wall clock that was set), ms.
+// Time that a log may span in addition to KN_LOG_RECORD_MS per record, ms. This time covers all pauses of the log
+// together: missed cycles, and a wall clock that was set.
 #define KN_LOG_PAUSE_MS 3600000
-// Largest number of ticks that a replay runs although their records were lost, in addition to KN_LOG_RECORD_MS for each
-// record, ms.
+// Number of ticks without a record that a replay may run in addition to KN_LOG_RECORD_MS ticks for each record of the
+// log.
 #define KN_LOG_LOST_MS 60000
 
 typedef struct kn_log_scene {
@@ -91,8 +91,8 @@ typedef struct kn_log_scene {
     char *text;
 } kn_log_scene;
 
-// Deadline, overload and quality of the server when its log begins. A value that the log does not record is that of a
-// server's start.
+// Deadline, overload and quality of the server when its log begins. If the log does not record a value, the value is
+// the one that every server starts with.
 typedef struct kn_log_initial {
     bool deadline_told, overload_told, quality_told;
     int64_t deadline; // largest number of units of work (core/solve/step_effort.h) per step; 0: no limit
@@ -113,8 +113,8 @@ typedef struct kn_log_summary {
     // First and last tick number of all records; first tick number of a force; -1: none.
     int64_t first_tick, last_tick, first_force_tick;
     int64_t before_tick; // last tick that ran before first_tick; equals first_tick - 1 unless cycles were missed
-    // Log times, us: of the first and the last record; of the first pose (-1: no pose); of tick 0, extrapolated from
-    // first_tick (origin_utime).
+    // Log times, us. first_utime, last_utime: first and last record; first_pose_utime: first pose, -1: no pose;
+    // origin_utime: tick 0, extrapolated from first_tick.
     int64_t first_utime, last_utime, first_pose_utime, origin_utime;
     bool started;     // true if the log begins with the server's start
     bool undoes;      // true if the log contains an undo

@@ -130,7 +130,7 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
     for (int i = 0; !r->same && i < KN_PROBES_MAX && *r->private->found.force_probe[i]; i++) {
         if (probe_of(r, r->private->found.force_probe[i]) >= 0) continue;
         return kn_refuse(error, error_size,
-                         "%s%s: leaves no probe `%s`, but the log has its forces, expected a probe of that name",
+                         "%s%s: no probe `%s`, but the log has forces of this probe, expected a probe of that name",
                          set ? "--set " : "", set ? set : r->scene->name, r->private->found.force_probe[i]);
     }
     return true;
@@ -351,8 +351,8 @@ const kn_model *kn_replay_model(const kn_replay *r) { return r->servo.model; }
 
 // ---- second reading: tick by tick
 
-// Read the next record into v->record, unless v->record was read ahead and is not used yet. Return false at the end of
-// the part that can be replayed.
+// Read the next record into v->record. If v->record was read ahead and is still unused, keep it. Return false at the
+// end of the part that can be replayed.
 static bool next_record(reading *v)
 {
     if (v->held) return true;
@@ -419,7 +419,8 @@ static void gather(kn_replay *r)
     }
 }
 
-// Return the number of cycles skipped just before a tick. The tick's forces tell this number, or else its checkpoint.
+// Return the number of cycles skipped just before a tick. If the log has forces of the tick, they give this number;
+// otherwise the tick's checkpoint gives it.
 static int32_t missed_before(const reading *v, int64_t tick)
 {
     for (int p = 0; v->grouped && v->group_tick == tick && p < KN_PROBES_MAX; p++)
@@ -430,16 +431,17 @@ static int32_t missed_before(const reading *v, int64_t tick)
     return (int32_t)missed;
 }
 
-// Count one tick without a record, and check that `more` further ticks without a record may follow. Return false if the
-// log has too few records for so many ticks; the replay then ends. This check bounds the time that a damaged or forged
-// log may take.
+// Count one tick without a record. The caller knows that at least the number `more` of ticks without a record follow.
+// Return false if the log has too few records for so many ticks; the replay then ends. This check bounds the time that
+// a damaged or forged log may take.
 static bool afford(kn_replay *r, int64_t tick, int64_t more)
 {
     reading *v = r->private;
     if (++v->untold + more <= most_untold(v)) return true;
-    snprintf(r->damage, sizeof r->damage,
-             "%lld ticks without a record up to tick %lld, expected at most 60 000 and 1 000 for each of %lld records",
-             (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.own_records);
+    snprintf(
+        r->damage, sizeof r->damage,
+        "%lld ticks without a record up to tick %lld, expected at most 60 000 plus 1 000 for each of the %lld records",
+        (long long)(v->untold + more), (long long)(tick + more), (long long)v->found.own_records);
     return false;
 }
 
@@ -634,7 +636,9 @@ static void run_tick(kn_replay *r)
         r->changes++;
     }
     if (!r->tick.in.undo || r->tick.out.restored_hash != 0 || !r->same) return;
-    r->same = false; // the undo point is from before the log began, and no snapshot holds undo points
+    // The replay can no longer give the log's numbers: the undo point is from before the log began, and no snapshot
+    // holds undo points.
+    r->same = false;
     snprintf(r->damage, sizeof r->damage, "an undo to a state before this log begins, at tick %lld",
              (long long)r->private->tick);
 }

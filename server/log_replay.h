@@ -62,7 +62,8 @@ typedef struct kn_replay_tally { // counts of ticks and records, and of records 
     int64_t ticks;               // number of ticks executed so far
     int64_t ticks_total;         // number of ticks in the log, for a progress bar; an estimate if the log has no forces
     int64_t forces;              // number of force records used
-    // Number of gaps: a tick of a probe with a session that has no force record, or whose pose is missing from the log.
+    // Number of gaps. A gap is a tick in which a probe has a session, but the log lacks the force of the probe or the
+    // pose that the force answers.
     int64_t gaps;
     int64_t first_gap;      // tick number of the first gap, -1: none
     int64_t malformed;      // number of records on Knead's channels with invalid content
@@ -97,8 +98,8 @@ typedef struct kn_replay {
     struct kn_replay_private *private;
 } kn_replay;
 
-// Open a log and prepare its replay. Return NULL and put one line in error if the log does not exist, holds no scene or
-// another scene, or needs a snapshot that is missing.
+// Open a log and prepare its replay. Return NULL and put one line in error if the log does not exist, holds no scene,
+// was recorded with a scene other than the given one, or needs a snapshot that is missing.
 kn_replay *kn_replay_create(const kn_replay_def *def, char *error, size_t error_size);
 
 // Run one tick. Return false at the end of the log; tick.out, tick.pose and tick.time_s then still hold the last tick.

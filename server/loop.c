@@ -137,7 +137,7 @@ static void adapt_deadline(kn_loop *loop, int64_t units)
     loop->slow_share = loop->slow_steps > 1 ? fmin(loop->slow_share, share) : share;
     if (loop->slow_steps == KN_LOOP_SLOW_STEPS) {
         // Steps take too long. Reduce the deadline so that the fastest of these steps would take KN_STEP_SHARE of the
-        // budget: by half at most, and not below the units of the shortest step.
+        // budget. Reduce the deadline by half at most, and never below the units of the shortest step.
         const double least = (double)kn_deadline_least(loop->servo.model);
         loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_STEP_SHARE / loop->slow_share));
         loop->slow_steps = 0;

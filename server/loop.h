@@ -76,8 +76,8 @@ typedef struct kn_loop {
     int64_t deadline;
     // Deadline measured for the present model, at the start or when a change was built, units of work.
     int64_t measured_deadline;
-    // Consecutive long steps (see KN_LOOP_SLOW_STEPS). `slow_steps`: number of steps whose tick took more than
-    // KN_LOOP_SLOW_SHARE of the time budget; `fast_steps`: less than KN_LOOP_FAST_SHARE.
+    // Numbers of long steps in a row (see KN_LOOP_SLOW_STEPS). `slow_steps`: steps whose tick took more than
+    // KN_LOOP_SLOW_SHARE of the time budget; `fast_steps`: steps whose tick took less than KN_LOOP_FAST_SHARE.
     int slow_steps, fast_steps;
     double slow_share;    // smallest fraction of the time budget that one of the `slow_steps` ticks took
     kn_busy busy;         // times at which the servo thread was busy in its latest ticks; the sentinel reads them

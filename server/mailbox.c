@@ -1,6 +1,6 @@
 #include "server/mailbox.h"
 
-// Bits of `shared`: the number of the slot, and the flag that the reader has not seen the slot's value.
+// Bits of `shared`: the number of the slot, and a flag that is set until the reader has seen the slot's value.
 enum { SLOT = 3, UNSEEN = 4 };
 
 void kn_mailbox_init(kn_mailbox *box, void *memory, size_t size)

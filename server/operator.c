@@ -254,8 +254,8 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
         bool done = atomic_load(&o->on.loop->done);
         if (kn_orders_obeyed(&o->on.loop->orders, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
-        // an emergency stop that no tick took comes into force at the next start, if one follows or the stop is kept on
-        // disk
+        // If the loop ended before a tick took an emergency stop, the stop comes into force at the next start. This
+        // holds if kneadd starts again by itself, or if the stop is kept on disk.
         if (done && kind == KN_ORDER_ESTOP && (o->on.goes_on(o->on.arg) || o->on.keeper->store.dir >= 0))
             return json_pack("{s:b}", "ok", 1);
         if (done) return kn_control_error("%s", ending);
@@ -363,8 +363,8 @@ static const char *user_of_the_last(kn_operator *o)
     return written ? "the state from before the last change is not on disk yet" : NULL;
 }
 
-// Free the second latest change as soon as no thread uses it. Return NULL on success, or else why it may still be in
-// use.
+// Free the second latest change as soon as no thread uses it. Return NULL on success; otherwise return why it may still
+// be in use.
 static const char *retire(kn_operator *o)
 {
     const char *user = user_of_the_last(o);
@@ -490,9 +490,9 @@ static json_t *set(kn_operator *o, const json_t *argument)
 }
 
 // Hide quoted text in an error message unless the text looks like words of a scene. kneadd can read files that the peer
-// must not read, and an error message would quote these files. `size`: room that the message had; the buffer has SECRET
-// bytes more. A message that fills the room was cut off and its quotation may have no end, so the quotation is hidden,
-// too.
+// must not read, and an error message would quote these files. `size`: room that the message had, bytes; the buffer is
+// SECRET bytes larger. A message that fills the room may have been cut off within a quotation. Such an unfinished
+// quotation is hidden, too.
 static void keep_secret(char *why, size_t size, const char *path)
 {
     size_t skipped = strncmp(why, path, strlen(path)) == 0 ? strlen(path) : 0, word = 0;

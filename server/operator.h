@@ -64,7 +64,7 @@ typedef struct kn_operator {
 } kn_operator;
 
 void kn_operator_init(kn_operator *o, const kn_operator_def *on);
-// Call this when all threads have ended; a zeroed operator is allowed.
+// Free the operator's memory, when all threads have ended; a zeroed operator is allowed.
 void kn_operator_free(kn_operator *o);
 kn_control_def kn_operator_control(kn_operator *o); // return the handlers of the control socket; borrows `o`
 

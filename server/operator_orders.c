@@ -61,7 +61,8 @@ int64_t kn_orders_take(kn_orders *orders, kn_tick_in *in)
     return given >> ORDER_BITS;
 }
 
-// If more than KN_ORDERS_KEPT orders came since the last tick, record this tick only for the latest KN_ORDERS_KEPT.
+// If more than KN_ORDERS_KEPT orders came since the last tick, record this tick only for the latest KN_ORDERS_KEPT of
+// these orders.
 void kn_orders_done(kn_orders *orders, int64_t taken, const kn_tick_in *in, const kn_tick_out *out)
 {
     if (in->restore || in->undo) atomic_store(&orders->restored, out->restored_hash);

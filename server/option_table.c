@@ -112,7 +112,8 @@ static const char *expectation(const kn_option *o, char text[WORDS_MAX])
     return text;
 }
 
-// Store the value of an option in the struct. Return NULL on success, or else the text after "expected" in the message.
+// Store the value of an option in the struct. Return NULL on success; otherwise return the text after "expected" in the
+// message.
 static const char *take(const kn_option *o, char *to, const char *text, char made[WORDS_MAX])
 {
     if (o->kind != KN_OPTION_SPECIAL) return store(o, to, text) ? NULL : expectation(o, made);
@@ -120,8 +121,8 @@ static const char *take(const kn_option *o, char *to, const char *text, char mad
     return expected && o->expected ? o->expected : expected;
 }
 
-// Store a list of values, separated by commas, in the struct. Return NULL on success, or else the text after "expected"
-// in the message.
+// Store a list of values, separated by commas, in the struct. Return NULL on success; otherwise return the text after
+// "expected" in the message.
 static const char *take_items(const kn_option *o, char *to, const char *text, char made[WORDS_MAX])
 {
     kn_option item = *o;

@@ -38,8 +38,8 @@ typedef enum kn_option_kind { // type of an option's field in the struct, and va
     KN_OPTION_QUANTITY,
     KN_OPTION_CHOICE, // int or enum: index of a word in the list `unit`, "a|b|c"
     KN_OPTION_EITHER, // bool: true for the second word of the list `unit`, "a|b"
-    // Array of `most` const char *; if `most` is 0, a const char ** with enough room: the text of each use of the
-    // option.
+    // Array of const char *, which gets the text of each use of the option. `most`: size of the array; 0: the field is
+    // a pointer to an array that is large enough (const char **).
     KN_OPTION_LIST,
     KN_OPTION_SPECIAL // any: `take` reads the value
 } kn_option_kind;
@@ -54,17 +54,18 @@ typedef struct kn_option {
     // Range of a number, in SI units. Both 0: the number must be above 0. INTEGER and DIGITS need a range. SET: `least`
     // is the value that is stored. LIST: `most` is the size of the list.
     double least, most;
-    // SPECIAL: store the value. Return NULL, or the text after "expected" if the value is invalid and the row has none.
+    // SPECIAL: store the value and return NULL. If the value is invalid, return the text after "expected" in the
+    // message; the row's `expected`, if there is one, replaces this text.
     const char *(*take)(void *field, const char *text);
     void (*call)(void);
     // Not 0: the option takes a list of at most `items` values, separated by commas. The field is then an array: of int
     // for INTEGER and CHOICE, otherwise of double.
     int items;
-    // LIST, or with `items`: offset of an int that receives the number of values, bytes.
+    // LIST, or with `items`: offset in bytes of an int that receives the number of values.
     size_t count;
     // LIST: return the text to store instead of `text`, or NULL if `text` is invalid.
     const char *(*map)(const char *text);
-    size_t given; // offset of a bool that becomes true if the option is given, bytes; 0: none
+    size_t given; // offset in bytes of a bool that becomes true if the option is given; 0: none
     // Letters of the commands (kn_option_table.experiment) that have the option; NULL: all commands.
     const char *belongs;
     char letter; // short form of the option; 0: none
@@ -107,9 +108,9 @@ int kn_options_read(const kn_option_table *table, void *to, int argc, char **arg
 // beginning of a line.
 void kn_message_print(const char *program, bool always_named, const char *format, va_list args);
 
-// Read a quantity such as "3 kPa" into *value, converted to `unit`. Return false unless the quantity has the dimension
-// of `unit` and lies in least..most. `bare`: accept a number without a unit, and take it in `unit`. If `unit` is "",
-// the text must be a number without a unit.
+// Read a quantity such as "3 kPa" into *value, converted to `unit`. Return true if the quantity has the dimension of
+// `unit` and lies in least..most. `bare`: accept a number without a unit, and take it in `unit`. If `unit` is "", the
+// text must be a number without a unit.
 bool kn_quantity_read(const char *text, const char *unit, bool bare, double least, double most, double *value);
 
 // Parse `text` into *value: a number without a unit, written as in a scene: "2", "-0.5", "1e-3". Return false if `text`

@@ -7,11 +7,12 @@
 
 #define CHANNEL_PREFIX "KNEAD_POSE_"
 
-// largest accepted | |q| - 1 | of an orientation quaternion q; float rounding in a device gives less; above this limit
-// q is no rotation
+// largest accepted | |q| - 1 | of an orientation quaternion q; rounding to float in a device causes a smaller error,
+// and a larger error means that q is no rotation
 #define QUATERNION_BOUND 1e-3
 #define WORKSPACE_M 1.0 // largest distance of a valid pose from the origin, m; no haptic device reaches further
-// largest speed of a valid pose, m/s; no hand on a device is faster; above the scene's brake speed the servo only damps
+// largest speed of a valid pose, m/s; no hand on a device is faster; between the scene's brake speed and this speed,
+// the servo only damps
 #define SPEED_MAX_M_S 5.0
 #define SPEED_WINDOW_US                                                                                                \
     1000 // us, one tick: the servo reads one pose per ms, so a distance below 5 mm is no jump, whatever the stamps
@@ -170,7 +171,7 @@ static bool expired(const kn_pose_sender *source, int64_t now_ns)
     return source->last.session != 0 && now_ns - source->heard_ns >= SILENCE_NS;
 }
 
-// --- lost, late and reordered poses, told by seq: `seen` has bits up to the last seq, `refused` for later ones -------
+// --- lost, late and reordered poses, recognised by seq; `seen`: bits up to last.seq, `refused`: later bits ---
 
 // Count the bits that are set.
 static int ones(uint64_t bits)
@@ -180,7 +181,8 @@ static int ones(uint64_t bits)
     return count;
 }
 
-// Count a pose that is not newer than the last one: as a duplicate if it has arrived before, otherwise as reordered.
+// Count a pose that is not newer than the last one. A pose that has arrived before is a duplicate; any other is
+// reordered.
 static void count_stale(kn_pose_sender *source, const knead_probe_pose_t *m)
 {
     // a newer pose of a session that has left is neither a duplicate nor reordered
@@ -270,7 +272,8 @@ static kn_pose_verdict admit(kn_pose_sender *source, const knead_probe_pose_t *m
 // Judge a pose, but refuse all poses of a session that has left, until that session has sent nothing for a second.
 static kn_pose_verdict admit_present(kn_pose_sender *source, const knead_probe_pose_t *m, int64_t now_ns, kn_pose *pose)
 {
-    struct kn_ended *place = source->ended; // choose the session's own entry, or else the entry that expires first
+    // choose the entry of this session; if there is none, choose the entry that expires first
+    struct kn_ended *place = source->ended;
     for (int i = 1; i < KN_ENDED_MAX && place->session != m->session; i++) {
         struct kn_ended *e = &source->ended[i];
         if (e->session == m->session || e->until_ns < place->until_ns) place = e;

@@ -112,7 +112,8 @@ kn_pose_verdict kn_receiver_judge(kn_receiver *r, const kn_datagram *datagram, i
 // pose, and set *probe and *pose. The datagram is not counted.
 kn_pose_verdict kn_receiver_read(const kn_receiver *r, const kn_datagram *datagram, int *probe, kn_pose *pose);
 
-// End sessions that have been silent for 1 s. Return a bit per probe whose session this call has ended.
+// End sessions that have been silent for 1 s. Return the probes whose sessions have ended in this call, one bit per
+// probe.
 unsigned kn_receiver_expire(kn_receiver *r, int64_t now_ns);
 
 // End a session that has left (kn_force.left). Return whether the session owned the probe until now.

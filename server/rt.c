@@ -24,7 +24,7 @@ bool kn_rt_files(char *error, size_t error_size)
     int fd[FILES], count = 0;
     while (count < FILES && (fd[count] = eventfd(0, EFD_CLOEXEC)) >= 0) count++;
     snprintf(error, error_size,
-             "%s: only %d more files can be opened, expected %d: raise ulimit -n (of a service: LimitNOFILE=)",
+             "%s: only %d more files can be opened, expected %d: raise ulimit -n (in a systemd service: LimitNOFILE=)",
              strerror(errno), count, FILES);
     for (int i = 0; i < count; i++) close(fd[i]);
     return count == FILES;

@@ -84,7 +84,8 @@ static const char *misfit(const kn_scene *scene, const kn_scene *now)
     return d->solver.dt_s != e->solver.dt_s ? "another solver.dt" : NULL;
 }
 
-// Build the model, the backend and the audit of the change. Return NULL on success, or else the reason of the failure.
+// Build the model, the backend and the audit of the change. Return NULL on success; otherwise return the reason of the
+// failure.
 static const char *build(kn_scene_change *c, const kn_scene *now, const kn_model *model, bool identify, char *why,
                          size_t why_size)
 {

@@ -25,8 +25,8 @@ static size_t memory_available(void)
     return kib ? (size_t)kib * 1024 : SIZE_MAX;
 }
 
-// Refuse an object that does not fit into memory. Linux grants more memory than the machine has, and kills a process
-// that then uses it. Locked memory is used at once.
+// Refuse an object that does not fit into memory. Linux grants more memory than the machine has, and later kills a
+// process that uses so much. If kneadd locks its memory, it uses all of it at once.
 static bool check_memory(size_t bytes, const char *what, const char *path, char *error, size_t error_size)
 {
     size_t available = memory_available();
@@ -70,8 +70,8 @@ static void without_device(kn_settings *settings)
 }
 
 // Load the scene of the file and the options. If the newest snapshot of this scene has settings, apply the settings as
-// well. If the scene no longer allows the settings, drop the settings of the device. If the scene still does not allow
-// the rest, drop all settings.
+// well. If the scene no longer allows the settings, drop those of the device. If the scene does not allow the remaining
+// settings either, drop all settings.
 static bool load_scene(kn_served_object *s, const kn_served_object_def *def, char *error, size_t error_size)
 {
     char why[400];
@@ -139,8 +139,8 @@ static bool build(kn_served_object *s, const kn_served_object_def *def, int *cod
     return true;
 }
 
-// Fill in the input of one tick of a simulated impact: all tools move into the top of the object at 5 cm/s, deeper with
-// each `tick`.
+// Fill in the input of one tick of a simulated impact: all tools move into the top of the object at 5 cm/s. `tick`:
+// number of the tick since the impact began.
 static void strike(const kn_model *model, int tick, kn_input *input)
 {
     double extent[3];
@@ -179,8 +179,8 @@ int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
     return best_ns;
 }
 
-// Simulated impact (all tools hit the object): number of its ticks; number of its repetitions; largest number of units
-// of work (core/solve/step_effort.h) per step while the deadline is measured.
+// Simulated impact (all tools hit the object). STRIKES: number of its ticks; STRIKE_ROUNDS: number of its repetitions;
+// STRIKE_UNITS: largest number of units of work (core/solve/step_effort.h) per step while the deadline is measured.
 enum { STRIKES = 12, STRIKE_ROUNDS = 12, STRIKE_UNITS = 600000 };
 
 // Measure the time and the units of work of each tick of a simulated impact. Repeat the impact, and keep the shortest

@@ -59,7 +59,7 @@ typedef struct kn_clutch {
 // Reason why a tick changes to another quality point (a solver effort that the scene names).
 typedef enum kn_quality_cause {
     KN_QUALITY_CAUSE_NONE,
-    KN_QUALITY_CAUSE_COMMAND, // an operator chose the quality point; kn_servo.asked is set to it as well
+    KN_QUALITY_CAUSE_COMMAND, // an operator chose the quality point; kn_servo.asked is set to this point, too
     KN_QUALITY_CAUSE_BUDGET   // in a replay: the recorded server exceeded its time budget and chose this quality point
 } kn_quality_cause;
 

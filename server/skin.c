@@ -24,8 +24,8 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
                                .triangles = s->triangle};
 }
 
-// If the scene asks for measures (stress, residual strain), count one state per mailbox slot, the gauge, and two
-// measures for each node and vertex.
+// Return the memory for measuring, bytes. If the scene asks for measures (stress, residual strain), this memory holds
+// one state per mailbox slot, the gauge, and two values for each node and vertex.
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
     const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;
@@ -124,7 +124,7 @@ void kn_skin_capture(kn_skin *skin, const kn_model *model, const kn_state *state
 
 bool kn_skin_follows(const kn_skin *skin, const kn_model *model)
 {
-    // without measures the mesh thread never looks at a model
+    // without measures the mesh thread uses no model at all
     return !skin->measures || atomic_load(&skin->told) == model;
 }
 

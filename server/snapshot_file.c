@@ -227,8 +227,8 @@ static bool head_legible(const kn_saved *s)
            legible(s->settings.text, sizeof s->settings.text, true);
 }
 
-// Decode everything after magic, format and size. Return NULL on success, or else the reason why the file does not fit
-// scene and model.
+// Decode everything after magic, format and size. Return NULL on success; otherwise return the reason why the file does
+// not fit scene and model.
 static const char *misfit(const kn_scene *scene, const kn_model *model, kn_codec *c, kn_saved *s, char *text,
                           size_t text_size)
 {

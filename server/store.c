@@ -58,11 +58,11 @@ static void file_name(const char *series, int64_t generation, char name[256])
     snprintf(name, 256, "%.200s.%08" PRId64 SUFFIX, series, generation);
 }
 
-// Return the generation in a file's name if the file belongs to this series, or, if `any_series` is true, to any series
-// of the scene. Return 0 for other files.
+// Return the generation in a file's name. Return 0 if the file belongs to another series. If `any_series` is true, the
+// file may belong to any series of the scene.
 static int64_t generation_of(const kn_store *s, const char *name, bool any_series)
 {
-    // if any series is accepted, the last eight characters of the series (the hash) need not agree
+    // if any series is accepted, the last eight characters of the series (the hash) may differ
     size_t same = strlen(s->series) - (any_series ? 8 : 0), at = strlen(s->series);
     char *end;
     if (strncmp(name, s->series, same) != 0 || strlen(name) < at + 2 || name[at] != '.' ||
@@ -125,7 +125,7 @@ static int open_directory(kn_store *s, char *error, size_t size)
     s->dir = open(s->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (s->dir < 0) return refuse(2, error, size, s->path, strerror(errno), "a directory");
     if (fstat(s->dir, &what) != 0)
-        return refuse(3, error, size, s->path, strerror(errno), "a directory that can be examined");
+        return refuse(3, error, size, s->path, strerror(errno), "a directory whose owner and mode can be read");
     if (what.st_uid != geteuid())
         return refuse(2, error, size, s->path, "owned by another user", "a directory of this user");
     if (faccessat(s->dir, ".", W_OK | X_OK, AT_EACCESS) != 0)
@@ -134,7 +134,7 @@ static int open_directory(kn_store *s, char *error, size_t size)
     if (flock(s->dir, LOCK_EX | LOCK_NB) == 0) return 0;
     return refuse(3, error, size, s->path,
                   errno == EWOULDBLOCK ? "another kneadd keeps its state there" : strerror(errno),
-                  "a directory of its own");
+                  "a directory that no other kneadd uses");
 }
 
 static bool pinned(const kn_store *s, int64_t generation)
@@ -175,7 +175,8 @@ static bool stays(const kn_store *s, const char *name)
     return fstatat(s->dir, name, &what, AT_SYMLINK_NOFOLLOW) == 0 && !(what.st_mode & S_IWUSR);
 }
 
-// Find the files of the series and the highest generation of the scene. Remove files beyond KN_STORE_KEPT.
+// Find the files of the series and the highest generation of the scene. Keep at most KN_STORE_KEPT removable files, and
+// remove the older ones.
 static void take_series(kn_store *s)
 {
     size_t count;
@@ -225,8 +226,8 @@ static bool write_all(const kn_files *f, int fd, const uint8_t *bytes, size_t si
     return true;
 }
 
-// Write the temporary file and sync it. Return NULL on success, or else the name of the call that failed, with errno
-// set.
+// Write the temporary file and sync it. Return NULL on success; otherwise return the name of the call that failed, with
+// errno set.
 static const char *put_file(const kn_store *s, size_t size, bool stays)
 {
     const kn_files *f = s->files;
@@ -240,7 +241,7 @@ static const char *put_file(const kn_store *s, size_t size, bool stays)
     return failed;
 }
 
-// Count the scene's read-only files.
+// Count the read-only snapshot files of the scene.
 static int count_staying(const kn_store *s)
 {
     size_t count;
@@ -256,7 +257,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     kn_store *s = store;
     char name[256];
     if (stays && count_staying(s) >= KN_STORE_STAY)
-        return kn_refuse(why, why_size, "%d read-only snapshots exist, expected some of them to be removed",
+        return kn_refuse(why, why_size, "%d read-only snapshots exist, which is the limit: remove some of them",
                          KN_STORE_STAY);
     // a setting may have changed the scene, so determine the series again
     s->scene = saved->servo.scene;
@@ -266,7 +267,8 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     saved->generation = s->generation + 1;
     if (saved->generation > GENERATION_MAX) return kn_refuse(why, why_size, "no generation number is left");
     file_name(s->series, saved->generation, name);
-    // Write the temporary file, rename it, then sync the directory. So one whole file exists at every moment.
+    // Write the temporary file, rename it, then sync the directory. So the directory holds at least one whole snapshot
+    // at every moment.
     size_t size = kn_saved_encode(s->scene, s->model, saved, s->bytes, s->room);
     const char *failed = size == 0 ? "encode" : put_file(s, size, stays);
     bool there = !failed && s->files->rename(s->dir, TEMPORARY, name) == 0;
@@ -290,8 +292,8 @@ bool kn_store_estopped(const kn_store *store)
     return fstatat(store->dir, ESTOP, &what, AT_SYMLINK_NOFOLLOW) == 0 || errno != ENOENT;
 }
 
-// Create the file `estop` and sync it. Return NULL on success, or else the name of the call that failed, with errno
-// set.
+// Create the file `estop` and sync it. Return NULL on success; otherwise return the name of the call that failed, with
+// errno set.
 static const char *put_estop(const kn_store *s)
 {
     int fd = s->files->open(s->dir, ESTOP, O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0600);

@@ -20,8 +20,8 @@
 
 #define KN_STORE_KEPT 8 // number of latest files that are kept
 #define KN_STORE_PINS 4 // number of latest restored files that are kept in addition; must be below KN_STORE_KEPT
-// Largest number of read-only snapshot files of a scene, which operators have saved. At this number, an operator's new
-// snapshot is refused until the owner of the directory deletes an old one.
+// Largest number of read-only snapshot files of a scene. Operators save such files. When a scene has this many, an
+// operator's next snapshot is refused until the owner of the directory deletes an old file.
 #define KN_STORE_STAY 100
 
 // The system calls of a save or a load, so that a test can make any of them fail. They behave like the system's calls,
@@ -104,8 +104,8 @@ bool kn_store_estop(const kn_store *store, bool stands, char *why, size_t why_si
 typedef bool (*kn_store_look)(void *arg, const kn_saved *saved);
 
 // For replays: pass every snapshot that fits scene and model to `look`, by ascending generation, until `look` returns
-// true. `path`: a directory, or one file. Takes no lock. Return the last answer of `look`. After false, `why` is the
-// reason why the last snapshot did not fit, or "another state" if only `look` refused it.
+// true. `path`: a directory, or one file. Takes no lock. Return whether `look` has returned true. If not, `why` is the
+// reason why the last snapshot did not fit, or "another state" if it fitted but `look` returned false.
 bool kn_store_browse(const char *path, const kn_scene *scene, const kn_model *model, kn_saved *saved,
                      kn_store_look look, void *look_arg, char *why, size_t why_size);
 

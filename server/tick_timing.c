@@ -5,7 +5,7 @@
 // --- phase lock ---
 
 static const double period_ns = KN_PERIOD_NS;
-// Largest distance from the centre, ns, with which a pose counts when the centre is updated.
+// When the centre is updated, a pose further away from the centre than this counts as a pose at this distance, ns.
 static const double outlier_ns = 100000;
 // the margin is adapted only while centre and margin differ by less than this, ns
 static const double settled_ns = 20000;
@@ -20,8 +20,8 @@ static double clamp(double x, double limit) { return fmax(-limit, fmin(limit, x)
 static double wrap(double ns) { return ns - period_ns * rint(ns / period_ns); }
 
 // Choose the driver, that is, the probe whose poses the grid follows. Keep the present driver while it is engaged, or
-// while no probe is engaged and it has a session. Otherwise take the first engaged probe, else the first probe with a
-// session.
+// while no probe is engaged and it has a session. Otherwise take the first engaged probe. If no probe is engaged, take
+// the first probe with a session.
 static int choose(const kn_phase *phase, const kn_arrival *arrival, int probes)
 {
     int live = -1, engaged = -1;
@@ -50,7 +50,8 @@ static void take_driver(kn_phase *phase, int probe, int64_t session)
     phase->centre_ns = NAN; // the first pose sets the centre
 }
 
-// Update centre and spread with the wait of one pose, and decide whether the poses have a rhythm.
+// Update centre and spread with the wait of one pose, that is, the time from its arrival to the wake of the tick.
+// Decide whether the poses have a rhythm.
 static void observe(kn_phase *phase, double wait_ns)
 {
     if (isnan(phase->centre_ns)) phase->centre_ns = wait_ns;
@@ -106,7 +107,8 @@ int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, co
     phase->driven++;
     phase->followed += phase->locked;
     phase->held += wake->held_ns > 0;
-    // waits are measured from the wake, not from the end of a hold, because a hold must not move the grid
+    // measure waits from the wake, not from the end of a hold (wait for a late pose), because a hold must not move the
+    // grid
     int64_t woke_ns = wake->now_ns - wake->held_ns;
     int64_t before_ns = phase->before_ns;
     phase->before_ns = arrival[driver].fresh ? 0 : woke_ns;
@@ -116,8 +118,8 @@ int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, co
     if (phase->steady < 0) phase->steady = 0;
     if (!arrival[driver].fresh || wake->missed || wake->late_ns > stall_ns) return 0;
 
-    // If two poses came since a tick without a new one, the earlier pose was late for that tick and was then replaced
-    // by the later one.
+    // If two poses came since a tick that had no new pose, the earlier of the two was late for that tick and was then
+    // replaced by the later pose.
     const kn_arrival *a = &arrival[driver];
     if (before_ns && a->earlier_ns > before_ns) take_wait(phase, before_ns - a->earlier_ns);
     take_wait(phase, woke_ns - a->arrived_ns);
@@ -144,7 +146,7 @@ void *kn_sentinel_run(void *sentinel)
 {
     kn_sentinel *s = sentinel;
     while (!atomic_load_explicit(&s->stop, memory_order_relaxed)) {
-        // keep the deadlines half a period after the servo's, whose grid may move
+        // keep the sentinel's deadlines half a period behind those of the servo, whose grid may move
         if (s->beside)
             s->clock.start_ns = atomic_load_explicit(s->beside, memory_order_relaxed) + KN_SENTINEL_OFFSET_NS;
         kn_wake wake = kn_clock_wait(&s->clock);

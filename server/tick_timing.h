@@ -39,10 +39,11 @@
 // functions are pure and real-time safe.
 
 #define KN_PHASE_SLEW_NS 2000 // largest shift per tick, ns: a tenth of the variation of wakes, 0.2 % of a period
-// Share of the poses that may arrive after their tick has begun and wait for the next tick.
+// Share of the poses that may arrive after their tick has begun, while ticks do not wait for late poses. Such a pose
+// waits for the next tick.
 #define KN_PHASE_LATE 0.004
-// Share of the poses that may arrive late while ticks wait for late poses; such waits delay fewer poses than a larger
-// margin.
+// Share of the poses that may arrive late, while ticks wait for late poses. This share is larger, because waiting for a
+// few late poses delays fewer poses than a larger margin.
 #define KN_PHASE_LATE_HELD 0.2
 // Longest time that a tick waits for a late pose, ns; the wait is also limited to a third of the last tick's unused
 // time.
@@ -60,8 +61,8 @@
 #define KN_PHASE_MARGIN_MIN 10000
 // Largest margin, ns; a larger margin would delay all poses more than it helps the late poses.
 #define KN_PHASE_MARGIN_MAX 200000
-// Poses count as rhythmic once their spread (mean distance from the centre) falls below KN_PHASE_LOCK_NS, and until it
-// exceeds KN_PHASE_LOSE_NS. Random arrivals have a spread of 0.25 ms.
+// Poses become rhythmic when their spread (mean distance from the centre) falls below KN_PHASE_LOCK_NS. They remain
+// rhythmic until their spread exceeds KN_PHASE_LOSE_NS. Random arrivals have a spread of 0.25 ms.
 #define KN_PHASE_LOCK_NS 100000
 #define KN_PHASE_LOSE_NS 150000
 
@@ -84,7 +85,8 @@ typedef struct kn_phase {
     int run;           // number of shifts summed in run_ns, 0 .. KN_PHASE_RUN_TICKS
     // True if the tick grid no longer follows this session, because the session moved the grid too far.
     bool lost;
-    // Numbers of ticks: with a driver; with a driver and a locked grid; delayed to wait for a pose.
+    // Numbers of ticks. driven: with a driver; followed: with a driver and a locked grid; held: delayed to wait for a
+    // pose.
     int64_t driven, followed, held;
 } kn_phase;
 

@@ -29,16 +29,17 @@ void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initi
 // contact model checks the content.
 void kn_wire_unit(kn_contact_unit *unit, const knead_contact_model_t *message);
 
-// Return whether the bytes of a scene_t hold strings of the lengths that they claim. The generated decoder trusts these
-// lengths and crashes on a negative one. Call this first in every program that receives from a bus or reads a log.
+// Return whether the strings of an encoded scene_t have the lengths that the bytes give for them. The generated decoder
+// trusts these lengths and crashes on a negative one. Call this function before decoding a scene in every program that
+// receives from a bus or reads a log.
 bool kn_wire_scene_fits(const void *data, size_t size);
 
-// Return whether all numbers are finite.
+// Return whether all `count` numbers in `value` are finite.
 bool kn_wire_finite(const double *value, int count);
 
-// Sign an encoded message with the key `auth`, unless it is NULL, and send it. `signed_us`: age stamp of the sender's
-// last signed message (kn_auth_now). `bytes` has room for KN_AUTH_TRAILER more bytes. Return false if `size` is not
-// positive, because encoding has failed, or if LCM refuses the message.
+// Send an encoded message of `size` bytes. If `auth` is not NULL, sign the message first. `signed_us`: age stamp of the
+// sender's last signed message (kn_auth_now). `bytes` has room for KN_AUTH_TRAILER more bytes. Return false if `size`
+// is not positive, because encoding has failed, or if LCM refuses the message.
 bool kn_wire_send(lcm_t *lcm, const kn_auth *auth, int64_t *signed_us, const char *channel, uint8_t *bytes, int size);
 
 #endif

@@ -54,8 +54,8 @@ void kn_progress_step(kn_progress *progress, double done);
 void kn_progress_close(kn_progress *progress);
 
 #define KN_PROGRESS_LINE 100
-// Format the progress bar that is shown `elapsed_s` after the work began, such as
-// "film  [##########          ]  50 %  12 s left".
+// Format the line of the progress bar. `elapsed_s` is the time since the work began. Example: "film  [##########
+// ]  50 %  12 s left".
 void kn_progress_line(const kn_progress *progress, double done, double elapsed_s, char line[KN_PROGRESS_LINE]);
 
 #endif

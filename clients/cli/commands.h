@@ -19,11 +19,11 @@
     X(export, "export a recording to ParaView, MeshLab and tables: shape, stress, forces over time")                   \
     X(hand, "use a real device on a running kneadd: paddle, SpaceNavigator, Haply; not tested with hardware")          \
     X(identify, "fit material and structure to measured creep, relaxation, sweep or shape, with uncertainty")          \
-    X(latency, "measure the time from a pose to its force through LCM and kneadd, and that of a bare LCM echo")        \
+    X(latency, "measure the latency from pose to force through LCM and kneadd, and through a bare LCM echo")           \
     X(mesh, "fill a closed surface (OBJ or STL) with tetrahedra for a scene, or check a mesh")                         \
     X(probe, "virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                  \
     X(relax, "virtual rheometer: compress a specimen and hold it; decay of the stress")                                \
-    X(replay, "replay a log through the daemon's servo, with the same bits; CSV, hash, --verify")                      \
+    X(replay, "replay a log through the daemon's servo, bit for bit; CSV, hash, --verify")                             \
     X(stability, "test the solvers on thousands of extreme small scenes against converged answers")                    \
     X(sweep, "virtual rheometer: oscillate a specimen; storage and loss modulus against frequency")                    \
     X(touch, "show the contact of a tool live: pressures, area, centre, slip; needs kneadd --touch")                   \

@@ -13,7 +13,8 @@
 int kn_output_try(const char *subcommand, const char *path)
 {
     struct stat there;
-    // Do not open a pipe, because open() would wait for its reader. A terminal or /dev/null accepts any output.
+    // Do not try to open a pipe, a terminal or /dev/null. The open() of a pipe would wait for its reader. For all three
+    // it is sufficient that the permissions allow writing.
     if (stat(path, &there) == 0 && !S_ISREG(there.st_mode) && !S_ISDIR(there.st_mode) && access(path, W_OK) == 0)
         return KN_EXIT_OK;
     // Use lstat instead of stat: a dangling symbolic link exists, so it must not be removed below.
@@ -27,8 +28,8 @@ int kn_output_try(const char *subcommand, const char *path)
     return KN_EXIT_OK;
 }
 
-// Copy the path to `to`, with symbolic links resolved and without a trailing slash. If the folder of the path does not
-// exist, copy the path unchanged.
+// Write the path into the buffer `to`, with symbolic links resolved and without a trailing slash. If the folder of the
+// path does not exist, copy the path unchanged.
 static void resolve(const char *path, char to[2 * PATH_MAX])
 {
     char folder[PATH_MAX], known[PATH_MAX];

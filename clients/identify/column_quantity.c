@@ -10,8 +10,8 @@
 
 // ---- units of columns
 
-// Units that core/scene/units.h does not know. A scene file needs only one spelling of each unit; files of measurements
-// use many.
+// Units that core/scene/units.h does not know. A scene file needs only one spelling of each unit; measured files use
+// many spellings.
 static const struct also {
     const char *text, *si;
     double times, over;
@@ -149,8 +149,8 @@ static bool take_unit(kn_heading *h, const char *text, size_t length)
     return h->has_unit = true;
 }
 
-// Read a heading like "name (unit)" or "name [unit]". The unit is in the last pair of brackets that holds one, as in
-// "G(t) [Pa] (mean)".
+// Read a heading like "name (unit)" or "name [unit]". The unit is the text in the last brackets that hold a unit:
+// in "G(t) [Pa] (mean)" the unit is Pa.
 static bool in_brackets(kn_heading *h, char *text)
 {
     for (char *open = text + strlen(text); open-- > text;) {
@@ -198,8 +198,8 @@ static bool take_suffix(kn_heading *h, const char *suffix, size_t length)
     return take_unit(h, unit, strlen(unit));
 }
 
-// Take the longest suffix after an underscore that is a unit. Words are tried from the left: "omega_rad_s" gives rad/s,
-// and "displacement_mm 10 gf" gives mm.
+// Take the longest text after an underscore that is a unit. Blanks also separate words, and the words are tried from
+// left to right: "omega_rad_s" gives rad/s, and "displacement_mm 10 gf" gives mm.
 static bool after_underscore(kn_heading *h, char *text)
 {
     for (char *word = text; *word; word += strspn(word, " ")) {
@@ -362,7 +362,7 @@ static bool ends_with(const char *text, const char *end)
 }
 
 // Return whether the column has this name. A name with a blank in front also matches the first or last words of a
-// longer column name, unless the column is a rate: a "strain rate" is not a strain.
+// longer column name. But it does not match a rate: a "strain rate" is not a strain.
 static bool is_called(const kn_heading *h, const char *name)
 {
     if (*name != ' ') return !strcmp(h->word, name);
@@ -380,7 +380,7 @@ static bool is_it(const kn_heading *h, kn_column_quantity q)
 }
 
 // Return whether the quantity in the column is certain: the column has a unit, or its name is the quantity's own word
-// or letter. A column named x without a unit may hold anything.
+// or letter, such as "strain". A column that is named only x may hold anything.
 bool kn_column_is_sure(const kn_heading *h, kn_column_quantity q)
 {
     const bool letter = q == KN_STRAIN && (!strcmp(h->word, "gamma") || !strcmp(h->word, "epsilon"));
@@ -388,8 +388,8 @@ bool kn_column_is_sure(const kn_heading *h, kn_column_quantity q)
 }
 
 // Return a second column with the name `name` and a suitable unit, or -1. With two such columns, it is unknown which
-// one the user means. If `column` certainly holds the quantity (kn_column_is_sure), a second column counts only if it
-// certainly holds the quantity, too.
+// one the user means. If `column` certainly holds the quantity (kn_column_is_sure), ignore other columns that do not
+// certainly hold the quantity.
 static int twin(const kn_table_reader *s, kn_column_quantity q, const char *name, int column)
 {
     const bool sure = kn_column_is_sure(&s->column[column].heading, q);
@@ -411,8 +411,8 @@ static int match(const kn_table_reader *s, kn_column_quantity q, bool sure, cons
             const kn_heading *h = &s->column[c].heading;
             if (!is_called(h, *n)) continue;
             if (is_it(h, q) && (!sure || kn_column_is_sure(h, q))) return c;
-            // Some names belong to several quantities. A column with a foreign unit may then hold another quantity, so
-            // it counts only under the quantity's main name.
+            // A column has one of the names, but no suitable unit. If the name also belongs to other quantities and the
+            // column has a unit, the column probably holds another quantity, so ignore it.
             const bool its_own = !strcmp(*n, quantities[q][NAME]);
             if (*other < 0 && !is_it(h, q) && **n != ' ' && (its_own || !h->has_unit)) *other = c;
         }
@@ -457,8 +457,8 @@ int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity
     int bare = -1;
     kn_column_quantity bare_is = *wanted;
     for (int i = 0; i < count; i++) {
-        // if a column was found that may hold one of the quantities, columns of other quantities with a wrong unit are
-        // no error
+        // A column was found that may hold one of the quantities. A column of another quantity with a wrong unit is
+        // then no error.
         if (bare >= 0 && kn_column_find(s, wanted[i], NULL) < 0) continue;
         const int column = kn_column_find(s, *q = wanted[i], code);
         if (*code != KN_EXIT_OK) return -1;

@@ -7,8 +7,8 @@
 
 // ---- the list of material models
 
-// Write the name of a class of elements. In creep this is the Voigt form. In relaxation the name lists the Maxwell
-// elements and the spring, without a dashpot in parallel.
+// Write the name of a class of elements. In creep the name is the Voigt form of the element. In relaxation the name
+// lists the Maxwell elements and the spring, without a dashpot in parallel.
 static void class_name(const kn_oneport *o, bool relax, char text[KN_ELEMENT_TEXT])
 {
     static const char *const units[] = {"", "Maxwell unit", "two Maxwell units", "three Maxwell units"};
@@ -57,8 +57,8 @@ int kn_constitutive_models(kn_constitutive_model model[KN_CONSTITUTIVE_MAX], boo
         snprintf(model[i].name, sizeof model->name, "%.40s", class[i].name);
         memcpy(model[i].letters, class[i].letters, sizeof model->letters);
     }
-    // The papers' damper has four variants: in relaxation with or without c1 and P0, in creep with or without P0 and
-    // P1. See model_comparison.h.
+    // The papers' damper has four variants. In relaxation c1 and P0 may each be absent, in creep P0 and P1. See
+    // model_comparison.h.
     for (int more = 0; more < 4; more++) {
         kn_constitutive_model *d = &model[count++];
         *d = (kn_constitutive_model){.kind = KN_CONSTITUTIVE_PAPERS, .relax = relax, .letters = "d"};
@@ -126,8 +126,8 @@ static int unknowns_of_units(const kn_constitutive_model *model, const size *z, 
     return n;
 }
 
-// List the unknowns of the papers' damper. A relaxation at a held strain does not determine k1. Its unknowns are
-// therefore ratios to k1, and the stress of each curve at time 0.
+// List the unknowns of the papers' damper. A relaxation at a held strain does not determine k1. The unknowns in
+// relaxation are therefore ratios to k1, and the stress of each curve at time 0.
 static int unknowns_of_papers(const kn_constitutive_model *model, const size *z, int curves,
                               kn_fit_unknown out[KN_FIT_UNKNOWNS])
 {
@@ -140,7 +140,7 @@ static int unknowns_of_papers(const kn_constitutive_model *model, const size *z,
         add(out, &n, "c1", "Pa*s", low * z->first_s, high * z->last_s);
         add(out, &n, "alpha", "Pa*s", low * z->first_s, 1e80 * z->modulus_pa * z->last_s);
     }
-    // with a smaller beta than the lower bound, c2 would hardly depend on the stress
+    // below the lower bound of beta, c2 would hardly depend on the stress
     add(out, &n, "beta", "1/Pa", 1e-2 / p, 200 / p);
     if (model->relax && model->c1) add(out, &n, "c1/k1", "s", 1e-4 * z->first_s, 10 * z->last_s);
     if (model->p0) add(out, &n, "P0", "Pa", 1e-3 * p, p);
@@ -241,14 +241,14 @@ bool kn_constitutive_predict(const kn_constitutive_model *model, const double *v
     return true;
 }
 
-// Type of a list of starts for the search of a model's parameters. The starts are derived from the readings. There are
-// several, since the sum of squares of exponentials has many minima.
+// Type of a list of starts for the search of a model's parameters. The starts are derived from the readings. One start
+// is not enough, since the sum of squares of exponentials has many minima.
 typedef double (*places)[KN_FIT_UNKNOWNS];
 
 // ---- starts of a search for a relaxation curve
 
-// Summary of the early readings as moduli (stress/strain): the coefficients of the line a - b ln t through the readings
-// of all curves, and three times with the modulus of the first curve at each.
+// Summary of the early readings as moduli (stress/strain). a, b: coefficients of the line a - b ln t through the
+// readings of all curves. first, middle, last: three times, and the modulus of the first curve at each of these times.
 typedef struct look {
     double a, b, first_s, middle_s, last_s, first_pa, middle_pa, last_pa;
 } look;
@@ -363,8 +363,8 @@ static int starts_relax(const kn_constitutive_model *model, int curves, const kn
 
 // ---- starts of a search for a creep curve
 
-// The largest load of all curves: its nominal stress, and its duration, stress and compliance at the last early reading
-// under it. least_pa is the nominal stress of the smallest load.
+// The largest load of all curves. nominal_pa: its nominal stress; time_s: its duration up to the last early reading;
+// stress_pa, compliance: stress and compliance at that reading. least_pa: nominal stress of the smallest load.
 typedef struct load {
     double nominal_pa, time_s, stress_pa, compliance, least_pa;
 } load;

@@ -69,8 +69,8 @@ typedef struct kn_superposition {
     double *strain, *slope;
 } kn_superposition;
 
-// Callback: compute the compliance j[] and its integral k[] from lag 0, at `count` lags > 0. ln_lag[] holds the
-// logarithms of the lags. The compliance must be 0 at lag 0.
+// Callback: compute the compliance j[], and the integral k[] of the compliance from lag 0 on, at `count` lags > 0.
+// ln_lag[] holds the logarithms of the lags. The compliance must be 0 at lag 0.
 typedef void kn_superposition_compliance(const void *of, int count, const double *lag_s, const double *ln_lag,
                                          double *j, double *k);
 
@@ -87,7 +87,8 @@ bool kn_superposition_creep(kn_superposition *m, kn_superposition_compliance *co
 
 // A class of elements of the catalogue that an experiment cannot tell apart.
 typedef struct kn_element_class {
-    // name of the class: in relaxation such as "two Maxwell units", otherwise the Voigt form
+    // name of the class: the Voigt form, or if kn_element_classes was called with `relax`, a name such as "two Maxwell
+    // units"
     char name[KN_ELEMENT_TEXT];
     char letters[16]; // letters of its elements in the first paper's figure 2, such as "b d f"
     kn_oneport oneport;
@@ -153,7 +154,7 @@ int kn_constitutive_starts(const kn_constitutive_model *model, int curves, const
                            const kn_fit_unknown *found, double start[][KN_FIT_UNKNOWNS]);
 
 // Predict the curve curve[c] at `count` rising times, for the values value[] of the unknowns. Return false if the model
-// has no solution. kn_yardstick_predict does the same for a yardstick.
+// has no solution. kn_yardstick_predict is the same function for the yardsticks alone.
 bool kn_constitutive_predict(const kn_constitutive_model *model, const double *value, kn_compared_curve *curve, int c,
                              int count, const double *time_s, double *out);
 bool kn_yardstick_predict(const kn_constitutive_model *model, const double *value, kn_compared_curve *curve, int count,

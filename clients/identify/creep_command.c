@@ -18,14 +18,14 @@ static const char help[] =
     "In series with them, the damper alpha exp(-beta P) keeps its deformation. The stress P is limited to P0 .. P1.\n\n"
     "    knead identify creep 10gf.csv 30gf.csv 50gf.csv --out dough.yaml\n"
     "    knead identify creep all.csv --height 1cm --area 1cm^2 --release 60 --report dough\n\n"
-    "A file is a table with a name and a unit above each column. It has the time, and height, displacement or strain.\n"
+    "A file is a table of time and height, displacement or strain, with a name and a unit above each column.\n"
     "If load or stress were recorded, they are further columns.\n"
     "Lines before the table may give values that hold for the whole file:\n"
     "    # load: 50 gf       # height: 1 cm       # area: 1 cm^2       # release: 60 s\n"
     "    time (s); displacement (mm)\n"
     "The separator (comma, semicolon or tab) and decimal commas are detected. Readings may be missing or in any order.\n"
     "Several columns of displacement with loads in their names are read as several curves.\n"
-    "Each further load improves the result: P0 needs a load whose stress is below P0, and P1 a large load, sampled fast.\n\n"
+    "Each further load improves the result. P0 is found from a small load, P1 from a large load sampled fast.\n\n"
     "  --load W, --stress P   load or stress, for files that do not state it\n"
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --release TIME         time at which the load was removed\n"
@@ -45,7 +45,7 @@ static const char help[] =
 
 static const double gf_cm2 = 98.0665; // 1 gf/cm^2 in Pa
 
-// Print the parameters, and beside them those in the units of the first paper, for a specimen of 1 cm.
+// Print the parameters in SI units, and beside them in the units of the first paper for a specimen of 1 cm.
 static void print_numbers(const kn_creep_fit *j)
 {
     static const char *const unit[] = {"gf/cm^3", "gf s/cm^3", "gf s/cm^3", "cm^2/gf", "gf/cm^2", "gf/cm^2"};
@@ -74,7 +74,7 @@ static void print_curves(const kn_identification *w)
         printf("\n");
     }
     printf("misfit: rms residual, %% of the largest strain. / noise: rms residual over the noise.\n"
-           "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+           "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
            "above 3, the model has another shape than the data\n"
            "fit and intervals took %.2g s\n",
            w->took_s);
@@ -140,9 +140,9 @@ static void doubt_curves(kn_identification *w)
                              "%s: the load was never taken off, or the file does not say when: "
                              "k1 and c1 follow from the creep alone, not from a recovery",
                              c->name);
-        // The noise is estimated from the median of n differences, with a relative error of about 1.7/sqrt(n).
-        // Residuals up to three such errors above the noise count as noise: up to 1 + 5/sqrt(n) times the noise. Long
-        // runs of one sign are ignored if the residuals are below half of the noise.
+        // The noise is estimated from the median of n differences, with a relative error of about 1.7/sqrt(n). So
+        // residuals may be noise if they are at most 1 + 5/sqrt(n) times as large as the noise, which allows three
+        // times this error. Long runs of one sign are ignored if the residuals are below half of the noise.
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             kn_identify_note(w,
@@ -240,8 +240,8 @@ static bool allocate(curve_values *v, int count)
 }
 
 // Average the residuals of neighbouring readings and divide each mean by the standard deviation of the mean. A
-// systematic deviation that is hidden in the noise of single readings becomes visible. Among the early readings a mean
-// spans at most half of the time before it. Later each mean has the same number of readings.
+// systematic deviation that is hidden in the noise of single readings becomes visible. An early mean spans at most half
+// of the time that has passed before it. Later means all have the same number of readings.
 static void average(curve_values *n, const kn_curve *c)
 {
     n->means = 0;
@@ -298,8 +298,8 @@ static int recover(curve_values *n, const kn_curve *c)
     int begin = 0;
     while (begin < c->count && c->time_s[begin] < s->release_s) begin++;
     if (begin == 0 || begin == c->count) return 0;
-    // The strain at the release is that of the last reading before it, unless a reading was taken exactly at the
-    // release.
+    // The strain at the release is the strain at the last reading before the release. If a reading was taken exactly at
+    // the release, use the strain at this reading.
     const double released = n->fitted[c->time_s[begin] == s->release_s ? begin : begin - 1];
     for (int i = begin; i < c->count; i++) {
         n->since[i - begin] = c->time_s[i] - s->release_s;
@@ -461,8 +461,9 @@ static void curves(kn_document *d, const kn_identification *w)
 static void numbers(kn_document *d, const kn_identification *w)
 {
     kn_document_section(d, "The material");
-    kn_document_table(d, "k1 parallel to c1, in series with the damper alpha exp(-beta P), P between P0 and P1", "lnl",
-                      "parameter\tbest value and 95 % interval\tremark");
+    kn_document_table(d,
+                      "k1 and c1 in parallel; in series with both: the damper alpha exp(-beta P), P between P0 and P1",
+                      "lnl", "parameter\tbest value and 95 % interval\tremark");
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_page_number(d, &w->creep.number[i]);
     if (w->served) {
         kn_identify_page_material(d);
@@ -548,9 +549,9 @@ static void models(kn_document *d, const kn_model_comparison *m)
     kn_document_text(d, "Verdict: %s.", text);
 }
 
-// Fill an open page: all printed results with plots, and figures 6 to 9 of the first paper for the first curves. If
-// w->served is true, the page's folder must already hold material.yaml. If w->served is false, the page has no section
-// on simulated creep.
+// Write all results to an open page: the printed results with plots, and figures 6 to 9 of the first paper for the
+// first curves. If w->served is true, the page's folder must already hold material.yaml. If w->served is false, the
+// page has no section on simulated creep.
 static int fill_page(kn_document *d, kn_identification *w)
 {
     curves(d, w);

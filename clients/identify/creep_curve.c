@@ -13,7 +13,7 @@ enum { LOAD_STEPS = 32 };
 
 typedef struct load_step {
     double load; // mean load of the step; a mean below 2 % of the largest load is set to 0
-    // The step began between the reading at early_s and the reading at late_s. If early_s = late_s, the begin of the
+    // The step began between the reading at early_s and the reading at late_s. If early_s = late_s, the start of the
     // step is known exactly.
     double early_s, late_s;
     int begin, end; // the readings begin..end-1 belong to the step
@@ -22,11 +22,11 @@ typedef struct load_step {
 typedef struct load_steps {
     int count; // number of steps; 0: the load has more than LOAD_STEPS steps
     load_step step[LOAD_STEPS];
-    int between; // number of readings while the load changes, which belong to no step; their values are set to NAN
+    int between; // number of readings that belong to no step, since the load changes there; their values are set to NAN
 } load_steps;
 
 // Limits as shares of the largest load: loads closer than `near_load` count as one load, loads below `zero_load` as no
-// load. The noise of a load cell is below these limits. A weight changes the load by more.
+// load. These limits are above the noise of a load cell, and below the change of load when a weight is added.
 static const double near_load = 0.04, zero_load = 0.02;
 
 // Return the end of the plateau of the load that begins at the reading `begin`, and set *mean to the mean load of the
@@ -121,7 +121,8 @@ typedef struct level {
     double strain, variance;
 } level;
 
-// Return the initial level of the strain: the mean of the first readings if these agree within the noise, or else 0.
+// Return the initial level of the strain. If the first readings agree within the noise, the level is their mean;
+// otherwise it is 0.
 static level level_of(int count, const double *strain, double noise)
 {
     double low = INFINITY, high = -INFINITY, sum = 0;
@@ -164,8 +165,8 @@ double kn_strain_onset(int count, const double *t, const double *x, double noise
     // The first strain is clearly below the initial level, so the gauge was not set to 0 and no onset can be found.
     if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s;
     // Skip the readings that are still at the initial level. Then fit lines through 3, 6, 12, ... readings, up to half
-    // of the largest strain. Each line gives the time at which it meets the level, and a lower limit of this time: four
-    // standard deviations less. Keep the line with the latest lower limit.
+    // of the largest strain. Each line gives the time at which it meets the level, and a lower limit four standard
+    // deviations earlier. Keep the line with the latest lower limit.
     while (begin < count && x[begin] - from.strain <= fmax(sure * noise, 1e-3 * most)) begin++;
     for (int n = LEAST; begin + n <= count && x[begin + n - 1] - from.strain < 0.5 * most; n *= 2) {
         if (!meets(n, t + begin, x + begin, from, noise, &at_s, &error_s) || at_s - sure * error_s <= *least_s)
@@ -178,9 +179,9 @@ double kn_strain_onset(int count, const double *t, const double *x, double noise
 
 // ---- the loads of a creep curve
 
-// If the column holds the true stress, convert it to the nominal stress. The true stress is W h/(S0 h0), with the load
-// W, the initial area S0, the height h and the initial height h0. Divided by 1 - strain it is the nominal stress W/S0,
-// which is constant under each load. If the column already holds the nominal stress, set c->constant_area.
+// If the column holds the true stress, convert the true stress to the nominal stress. The true stress is W h/(S0 h0),
+// with the load W, the initial area S0, the height h and the initial height h0. Divided by 1 - strain it is the nominal
+// stress W/S0, which is constant under each load. If the column already holds the nominal stress, set c->constant_area.
 static void to_nominal(const kn_curve_file *f, kn_curve *c)
 {
     c->constant_area = true;
@@ -241,7 +242,8 @@ static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, do
         if (s->load == 0 && c->steps == 0) continue; // skip the time without load before the first load
         if (s->load < 0)
             return kn_curve_refuse(f, c->line[s->begin], -1,
-                                   "a load that presses and pulls, %.3g Pa here, expected compression only", s->load);
+                                   "a load that presses and pulls, nominal stress %.3g Pa, expected compression only",
+                                   s->load);
         if (i == 0) add_first_load(f, c, s->load, noise);
         else c->step[c->steps++] = (kn_curve_step){moment(c, s, noise), s->load, s->early_s, s->late_s};
     }
@@ -271,8 +273,8 @@ static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity 
     return kn_curve_refuse(f, c->line[0], -1, "the %s is 0 in all readings, expected a load on the specimen", name);
 }
 
-// Take one constant load: from the name of the strain's column (`load_n`; NAN: not given there), or else from a note or
-// an option.
+// Take one constant load. The name of the strain's column may give it as `load_n`. If `load_n` is NAN, a note or an
+// option gives the load.
 static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, double load_n)
 {
     double stress_pa = f->stress_pa;
@@ -292,7 +294,7 @@ static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, doubl
     return KN_EXIT_OK;
 }
 
-// Print the error that the load was removed before it came or after the last reading. If a note gives the time of the
+// Print an error: the load was removed before it came or after the last reading. If a note gives the time of the
 // removal, the error points to this note.
 static int bad_release(const kn_curve_file *f, double from_s, double to_s)
 {
@@ -314,8 +316,9 @@ static int take_release(kn_curve_file *f, kn_curve *c)
     kn_curve_step *last = &c->step[c->steps - 1];
     if (f->release_s <= c->step[0].time_s || f->release_s > c->time_s[c->count - 1])
         return bad_release(f, c->step[0].time_s, c->time_s[c->count - 1]);
-    // If the recorded load never ends, add its removal as a step. If it ends, correct the time of the removal, provided
-    // that the given time lies between the readings before and after the removal.
+    // If the recorded load never ends, add its removal as a step. If the recorded load ends, the last reading under
+    // load and the first reading without load enclose the removal. If the given time is between them, it becomes the
+    // time of the removal.
     if (last->stress_pa > 0) {
         if (c->steps == KN_CURVE_STEPS || f->release_s <= last->time_s) return KN_EXIT_OK;
         last = &c->step[c->steps++];
@@ -341,8 +344,8 @@ typedef struct columns { // indices of columns of the table; -1: the table lacks
 } columns;
 
 // Choose the column of the strain, or of a quantity to compute it from. A column of strain is preferred, since the
-// instrument has computed it from the true size of the specimen. Then choose the column of the load. A compliance needs
-// no load. A column of stress is preferred to one of load, since a stress needs no area.
+// instrument has computed the strain from the true size of the specimen. Then choose the column of the load, which a
+// compliance does not need. A column of stress is preferred to one of load, since a stress needs no area.
 static int choose_single(kn_curve_file *f, columns *c)
 {
     int code = KN_EXIT_OK;
@@ -393,8 +396,8 @@ static double mean(const double *value, int count)
     return sum / count;
 }
 
-// Compute the strain from the height. If no note or option gives the initial height, the mean height before the load is
-// used, or else the first height.
+// Compute the strain from the height. The initial height comes from a note or an option. Without both it is the mean
+// height before the load, or the first height if no reading was taken before the load.
 static int height_to_strain(kn_curve_file *f, kn_curve *c, int unloaded, int column)
 {
     for (int i = 0; i < c->count; i++)
@@ -410,8 +413,8 @@ static int height_to_strain(kn_curve_file *f, kn_curve *c, int unloaded, int col
                            "the height grows under the load or exceeds the initial height, expected compression");
 }
 
-// Compute the strain from the column's quantity (height, displacement, strain or compliance). All but the height are
-// counted from their mean before the load.
+// Compute the strain from the column's quantity (height, displacement, strain or compliance). A displacement, a strain
+// and a compliance are counted from their mean before the load.
 static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what, int column)
 {
     const int unloaded = before_load(c);
@@ -555,7 +558,7 @@ static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
     }
 }
 
-// Print the error that time restarts in a second table with an equal load, and return an exit code. Time may also fall
+// Print an error and return an exit code: time restarts in a second table with an equal load. Time may also fall
 // because of a thousands separator: in a file with decimal commas, 1,002 after 999 is read as 1.002.
 static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
 {
@@ -564,7 +567,7 @@ static int refuse_second(const kn_curve_file *f, const columns *c, int begin, in
     return kn_curve_refuse(
         f, f->table.line[end], c->time, "%s",
         thousand ? "time restarts where it reaches a thousand, expected numbers without thousands separators"
-                 : "time restarts, as in a second table, expected one rising time, or another load from here on");
+                 : "time restarts, as in a second table; expected time that rises, or another load from here on");
 }
 
 // Add one curve for each range of rows in which time rises. The load of a range must differ from the load of the range

@@ -13,8 +13,8 @@ enum { LATE = KN_ESTIMATE_NUMBERS, ROW = 3, STARTS = 4 };
 _Static_assert(LATE + 2 * KN_CURVES_MAX <= KN_FIT_UNKNOWNS, "a fit must have room for the lateness of every curve");
 _Static_assert(KN_CURVE_STEPS <= KN_VOIGT_CHAIN_STEPS, "a chain must have room for all load steps of a curve");
 
-// limit of Huber's loss, in standard deviations of the noise; beyond this limit, a larger residual gives a reading no
-// more influence on the robust fit
+// limit of Huber's loss, in standard deviations of the noise; in the robust fit, a residual beyond this limit has no
+// more influence than a residual at the limit
 static const double huber = 3;
 // a reading farther than this from the fit is an outlier; unit: standard deviations, estimated from the median
 // deviation of the curve's readings
@@ -162,13 +162,13 @@ static double strain_at(const kn_curve *c, double until_s)
     return n ? last[n / 2] : 0;
 }
 
-// Return the time at which a load step ends: the begin of the next step, or the time of the last reading.
+// Return the time at which a load step ends: the start of the next step, or the time of the last reading.
 static double step_end(const kn_curve *c, int step)
 {
     return step + 1 < c->steps ? c->step[step + 1].time_s : c->time_s[c->count - 1];
 }
 
-// Set the range of stresses under load from the strains at the begin and at the end of each load.
+// Set the range of stresses under load from the strains at the start and at the end of each load.
 static void set_range(work *w, double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS])
 {
     double lowest = INFINITY, highest = 0;
@@ -376,8 +376,8 @@ static bool deviations(const work *w, int k, double *out)
     return ok;
 }
 
-// Return the number of readings in the series around the reading `at`, including this reading, that all deviate by more
-// than half of the limit for outliers.
+// Return the length of the series of readings around the reading `at` that all deviate by more than half of the limit
+// for outliers. The reading `at` belongs to the series.
 static int beside(const double *d, int n, int at)
 {
     int from = at, to = at;
@@ -409,8 +409,8 @@ static void leave_out(work *w)
 // ---- lateness of the loads
 
 // Estimate the lateness from which the search starts. If the strain begins later than the noted time of the load, this
-// difference is late_s. The release either was late by the same time or came at the noted time. The case that puts the
-// release nearer to the largest strain is chosen.
+// difference is late_s. The release was either late by the same time, or came at the noted time. Choose the case in
+// which the release is nearer to the largest strain.
 static lateness late_at_first(const kn_curve *c)
 {
     double least_s;
@@ -465,7 +465,7 @@ static void interval(work *w, int i)
     kn_fit_interval known = {.low = u->low, .high = u->high, .open_low = true, .open_high = true};
     if (w->options.no_intervals || (constant(w) && i >= KN_ESTIMATE_BETA)) {
         // no interval: none was requested, or the damper is constant and thus has no beta, P0 or P1
-    } else if (i == KN_ESTIMATE_P0 && u->fixed) { // the interval states how high P0 could be
+    } else if (i == KN_ESTIMATE_P0 && u->fixed) { // P0 has no effect; find how high it could be
         kn_fit free_of = w->fit;
         free_of.unknown[i].fixed = false;
         free_of.unknown[i].low = 0.999 * w->joint->lowest_pa; // every P0 below the least stress fits equally well
@@ -501,7 +501,8 @@ static void say(const work *w)
                  w->joint->lowest_pa);
     if (p1->known != KN_KNOWN)
         snprintf(p1->words, sizeof p1->words,
-                 "the largest stress, %.4g Pa, did not last long; measure a larger load, sampled faster at its start",
+                 "the largest stress, %.4g Pa, lasted only a short time; measure a larger load and sample faster at "
+                 "its start",
                  w->joint->highest_pa);
     for (int i = KN_ESTIMATE_K1; i <= KN_ESTIMATE_BETA; i++)
         snprintf(n[i].words, sizeof n->words, "%s", why[n[i].known]);

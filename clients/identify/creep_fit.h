@@ -41,8 +41,8 @@ typedef struct kn_creep_fit {
     kn_material material;
     kn_parameter_estimate number[KN_ESTIMATE_NUMBERS];
     double lowest_pa, highest_pa; // range of the measured stresses under load
-    // root mean square residual of each curve, as a strain of a single reading; a mean counts as often as readings were
-    // averaged into it
+    // root mean square residual of each curve, as a strain of a single reading; the weight of a mean is the number of
+    // readings that were averaged into it
     double rms[KN_CURVES_MAX];
     double runs[KN_CURVES_MAX];   // result of kn_fit_runs for each curve
     double late_s[KN_CURVES_MAX]; // how much later than the file says the load was applied; 0 without option `late`
@@ -101,10 +101,11 @@ double kn_creep_release(const kn_curve *curve); // return the time at which the 
 // of a straight line through 21 readings.
 typedef struct kn_two_stage {
     kn_material material;
-    // time tr at which the load was removed, and the stress Pr and the strain x(tr) at this time
+    // state at the time tr at which the load was removed: tr, the stress Pr and the strain x(tr)
     double release_s, release_pa, release_strain;
     int count; // number of readings under load
-    // [count] stress; strain of the Voigt element; strain of the damper; damping c2, NAN if the slope v is not positive
+    // [count] stress_pa: stress; voigt: strain of the Voigt element; damper: strain of the damper; c2_pa_s: damping c2,
+    // NAN if the slope v of the damper's strain is not positive
     double *stress_pa, *voigt, *damper, *c2_pa_s;
 } kn_two_stage;
 

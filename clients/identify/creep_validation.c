@@ -23,8 +23,8 @@ enum { ELEMENT, DIAGONALS, GAS, WAYS };
 
 typedef struct simulated_creep {
     double *strain[WAYS]; // computed strain at the curve's readings, in one block of memory
-    // root mean square difference of the computed strain from the measured strain, and from the element's strain, as
-    // shares of the largest measured strain
+    // from_data, from_element: root mean square difference of the computed strain from the measured strain, and from
+    // the strain of the element; both are shares of the largest measured strain
     double from_data[WAYS], from_element[WAYS];
 } simulated_creep;
 
@@ -123,19 +123,21 @@ static void lay_over(kn_figure_panel *panel, const kn_curve *c, const simulated_
 static void judge_lattices(kn_document *d, const double worst[WAYS])
 {
     const double diagonals = worst[DIAGONALS], gas = worst[GAS];
-    // Lattices that differ from the element by less than 5 % count as equal to it.
+    // Treat the lattices as equal to the element if they differ from the element by less than 5 %.
     const bool near = fmax(diagonals, gas) < 0.05;
-    kn_document_verdict(d, near ? KN_DOCUMENT_HOLDS : KN_DOCUMENT_BEWARE,
-                        near ? "Lattices of this material creep as its element does. "
-                               "They differ by %.2g %% with diagonals and by %.2g %% with gas."
-                             : "These are the parameters of one element. "
-                               "Under these loads, lattices of this material strain differently: "
-                               "by up to %.2g %% of the largest strain with diagonals alone, and by %.2g %% with gas. "
-                               "Run knead creep scene.yaml --lattice 2x2x2 to see the creep of a lattice.",
-                        100 * diagonals, 100 * gas);
+    kn_document_verdict(
+        d, near ? KN_DOCUMENT_HOLDS : KN_DOCUMENT_BEWARE,
+        near ? "Lattices of this material creep as its element does. "
+               "They differ by %.2g %% with diagonals and by %.2g %% with gas."
+             : "These are the parameters of one element. "
+               "Under these loads, the strain of a lattice of this material differs from the strain of the element: "
+               "by up to %.2g %% of the largest strain with diagonals alone, and by %.2g %% with gas. "
+               "Run knead creep scene.yaml --lattice 2x2x2 to see the creep of a lattice.",
+        100 * diagonals, 100 * gas);
 }
 
-// Compute the creep of the material under every curve's loads, and report and plot the differences.
+// Compute the creep of the material under every curve's loads, and report and plot the differences from the
+// measurement and from the element.
 static int compare_creep(kn_document *d, const kn_identification *w, const char *scene)
 {
     char path[PATH_MAX];
@@ -187,8 +189,8 @@ static void told(void *of, int64_t ticks)
     kn_progress_step(&b->progress, (double)(b->done += ticks));
 }
 
-// Return the depth of the dent: how far the lowest of the vertices that formed the top at rest is below the top at
-// rest.
+// Return the depth of the dent: the distance from the top at rest down to the lowest of the vertices that formed this
+// top.
 static double dent(const kn_model *model, const kn_surface *s, const float (*now)[3])
 {
     double top = -INFINITY, deepest = 0, rest[3];

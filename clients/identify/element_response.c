@@ -76,7 +76,8 @@ static stage stage_of(const kn_voigt_chain *chain, double h)
     return g;
 }
 
-// For zero stress, compute by how much the strain of each element grows beyond `base` in the stage. Return the sum.
+// For zero stress, compute the growth of each element's strain beyond `base` in the stage. Return the sum of all
+// growths.
 static double rests(const kn_voigt_chain *chain, const stage *g, const double *base, double *out)
 {
     double sum = out[SPRING] = chain->spring_pa > 0 ? -base[SPRING] : 0;
@@ -87,9 +88,9 @@ static double rests(const kn_voigt_chain *chain, const stage *g, const double *b
     return sum;
 }
 
-// Find the stress at the end of a stage that begins with the strains `base`, and the growth of each strain. The method
-// is Newton's. The sum of the strains rises with the stress p, so the root stays enclosed in an interval. If a Newton
-// step leaves that interval, the interval is halved instead.
+// Find the stress at the end of a stage that begins with the strains `base`, and the growth of each strain. Newton's
+// method searches for the stress p. The sum of the strains rises with p, so the root stays enclosed in an interval. If
+// a Newton step leaves that interval, the interval is halved instead.
 static bool meet(const kn_voigt_chain *chain, const drive *d, const stage *g, const double *base, double *stress,
                  double *taken)
 {
@@ -384,7 +385,8 @@ static double by_gauss(double middle, double half, int pairs, const double *plac
 }
 
 // Return E1(x) - E1(y) for y > x. If x and y are close, a Gauss rule of four or six points suffices. The rule takes a
-// tenth of the time, avoids cancellation, and has a relative error of 1e-13.
+// tenth of the time of two calls of kn_exponential_integral. It also avoids cancellation, and its relative error is
+// 1e-13.
 static double e1_between(double x, double y)
 {
     static const double place4[2] = {0.3399810435848563, 0.8611363115940526};
@@ -397,8 +399,8 @@ static double e1_between(double x, double y)
                        : by_gauss(sqrt(x * y), half, 2, place4, weight4);
 }
 
-// Return the time in which the stress falls from `from` to `to`, by equation (1) of the header. Both stresses are
-// between the floor and P1.
+// Return the time in which the stress falls from the value `from` to the value `to`, by equation (1) of the header.
+// Both stresses are between the floor and P1.
 static double between(const kn_held_element *h, double from, double to)
 {
     const double b = h->beta_per_pa;
@@ -448,7 +450,7 @@ static double after(const kn_held_element *h, double from, double wait, double l
     return u;
 }
 
-// The point from which the search for the next stress starts: a stress and its time.
+// A stress that was found, and its time. The search for the next stress starts there.
 typedef struct stretch {
     double from_pa, from_s;
 } stretch;

@@ -34,8 +34,8 @@ typedef struct kn_voigt_chain {
 
 typedef struct kn_voigt_chain_step {
     double time_s; // time from which `value` applies [s]
-    // for kn_voigt_chain_creep: nominal stress W/S0 from time_s on [Pa]; for kn_voigt_chain_stress: strain at time_s,
-    // from where the strain changes linearly up to the next step
+    // for kn_voigt_chain_creep: nominal stress W/S0 from time_s on [Pa]; for kn_voigt_chain_stress: strain at time_s;
+    // from time_s to the next step the strain changes linearly
     double value;
 } kn_voigt_chain_step;
 
@@ -88,8 +88,8 @@ kn_held_element kn_held_element_of(const kn_material *material, double begin_pa)
 // Return the time constant -P/P' at the stress P = stress_pa [s].
 double kn_held_element_time(const kn_held_element *hold, double stress_pa);
 
-// Return the time at which the stress has fallen to `stress_pa` [s]. `stress_pa` must be > 0 and <= begin_pa. If P0 is
-// below 1e-12/beta, the value 1e-12/beta replaces P0. Return INFINITY if exp(beta P) overflows a double.
+// Return the time at which the stress has fallen to `stress_pa` [s]. `stress_pa` must be > 0 and <= begin_pa. A P0
+// below 1e-12/beta is raised to 1e-12/beta. Return INFINITY if exp(beta P) overflows a double.
 double kn_held_element_until(const kn_held_element *hold, double stress_pa);
 
 // Compute the stress at `count` rising times >= 0. Equation (1) is inverted by a search, which starts from the stress

@@ -191,7 +191,7 @@ static int write_csv(const kn_identification *w, const char *path)
 
 void kn_identify_page_material(kn_document *d)
 {
-    kn_document_link(d, "material.yaml", "the material, for `material: material.yaml` in a scene");
+    kn_document_link(d, "material.yaml", "the material; a scene uses it with the line `material: material.yaml`");
 }
 
 int kn_identify_page_files(const kn_identification *w, kn_document *d, const char *csv, const char *words,

@@ -50,9 +50,10 @@ typedef struct kn_identify_options {
 // that no experiment can tell apart form one class (core/oneport.h). Each class has one row in the table of results and
 // is represented by its Voigt form.
 //
-// The residuals are differences of ln G' and ln G'' (G': storage modulus, G'': loss modulus). Both have equal weights,
-// so that all decades of the modulus count the same. The oscillations are small, so the experiment shows the papers'
-// stress-dependent damper only near zero stress, where its damping c2 is c_max.
+// The residuals are differences of ln G' and ln G'' (G': storage modulus, G'': loss modulus). G' and G'' have equal
+// weights. The logarithms give every decade of the modulus the same weight. The oscillations are small, so the stress
+// stays near zero. There the damping c2 of the papers' stress-dependent damper is c_max, and the experiment does not
+// show how c2 falls with the stress.
 
 #define KN_SWEEP_FIT_ROWS KN_CATALOGUE
 #define KN_SWEEP_FIT_PARTS 4
@@ -143,8 +144,8 @@ void kn_identify_page_number(kn_document *d, const kn_parameter_estimate *number
 // Format the result of kn_fit_runs; "-" if there were too few readings.
 const char *kn_identify_runs(double runs, char text[16]);
 
-// Add the section of files to the page: a link to the table of --csv, whose file is named `csv`, and, if `material` is
-// true, a link to the material. Write both files.
+// Write the table of --csv to the file `csv` of the page's folder and, if `material` is true, also write the material.
+// Add a section to the page with a link to each of these files.
 int kn_identify_page_files(const kn_identification *w, kn_document *d, const char *csv, const char *words,
                            bool material);
 void kn_identify_page_material(kn_document *d); // add a link to material.yaml to the page

@@ -6,7 +6,8 @@
 
 // step of the difference quotients, in the logarithm of an unknown; suitable for models that are accurate to about 1e-8
 static const double step_log = 1e-5;
-// residual that pushes the search back, per unit by which the logarithm of an unknown lies beyond a bound
+// wall of each bound: if the logarithm of an unknown lies beyond a bound by x, an extra residual wall * x pushes the
+// search back
 static const double wall = 1e3;
 
 typedef struct search {
@@ -36,7 +37,8 @@ static void values_at(const search *s, const double *x, double *value)
     }
 }
 
-// Compute the residuals of the readings, then one residual per free unknown: its distance beyond its bounds.
+// Compute the residuals of the readings, then one residual per free unknown: the distance by which the unknown lies
+// beyond a bound.
 static bool residuals_at(const search *s, const double *x, double *residual)
 {
     kn_fit *fit = s->fit;
@@ -277,7 +279,7 @@ double kn_fit_held(const kn_fit *fit, int unknown, double value)
 // fitted. Each of these fits starts from the fit at the nearest value inside the interval. A start from outside might
 // lie where the residuals have no gradient, and the search would stay there.
 typedef struct side {
-    kn_fit fit; // copy of the fit in which the unknown is fixed; its sum and scale stay those of the best fit
+    kn_fit fit; // copy of the fit in which the unknown is fixed; fit.sum and fit.scale stay those of the best fit
     int unknown;
     // best: best value of the unknown, as a logarithm unless the unknown is linear; t: rise of the sum of squares S at
     // the end of the interval, in standard deviations
@@ -285,7 +287,7 @@ typedef struct side {
     double within[KN_FIT_UNKNOWNS]; // values of all unknowns in the outermost fit that is still inside the interval
 } side;
 
-// Return by how many standard deviations the sum of squares S has risen if the unknown has the value `in`. `in` is a
+// Set the unknown to the value `in`. Return the rise of the sum of squares S in standard deviations. `in` is a
 // logarithm unless the unknown is linear.
 static double risen(side *p, double in)
 {

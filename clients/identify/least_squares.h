@@ -31,7 +31,7 @@
 typedef struct kn_fit_unknown {
     const char *name, *unit; // name and unit for messages of the caller; may be NULL
     double value;            // in: start of the search; out: best value
-    double low, high;        // bounds of the value; `low` must be > 0 unless `linear` is true
+    double low, high;        // bounds of the value; if `linear` is false, `low` must be > 0
     bool linear;             // the search uses the value itself, not its logarithm
     bool fixed;              // the search keeps this unknown at `value`
     bool at_bound;           // out: the best value lies on a bound, and the sum of squares would decrease beyond it
@@ -45,14 +45,14 @@ typedef struct kn_fit {
     // Return false if the model has no solution for these values.
     bool (*misfit)(void *of, const double value[KN_FIT_UNKNOWNS], double *residual);
     void *of; // passed to misfit
-    // The following fields are set by kn_fit_run.
+    // kn_fit_run sets the following fields.
     double sum;   // sum of squares S at the best values
     double scale; // scale s of the residuals; INFINITY if there are no degrees of freedom
     int freedom;  // degrees of freedom n - p
     // C = (J'J)^-1, the covariance of the searched variables (logarithms, unless linear) divided by s^2; the row of a
     // fixed unknown is 0
     double covariance[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS];
-    // J'J has no inverse (J: Jacobian), since some combination of unknowns does not change the residuals
+    // true: J'J has no inverse (J: Jacobian), since some combination of unknowns does not change the residuals
     bool singular;
 } kn_fit;
 
@@ -75,13 +75,14 @@ typedef enum kn_fit_how { KN_FIT_CURVATURE, KN_FIT_PROFILE } kn_fit_how;
 typedef struct kn_fit_interval {
     kn_fit_how how;
     double low, high; // ends of the interval of the unknown's value, not of its logarithm
-    // whether the data give the unknown no lower limit, and no upper limit; `low` or `high` is then the bound of the
-    // search
+    // open_low: the data give the unknown no lower limit, and `low` is the lower bound of the search; open_high: the
+    // data give no upper limit, and `high` is the upper bound of the search
     bool open_low, open_high;
 } kn_fit_interval;
 
-// Return the interval of an unknown at a confidence such as 0.95. The method is "curvature" if all of the resulting
-// interval lies within 5 % of the best value, or else "profile". kn_fit_interval_by uses the given method.
+// Return the interval of an unknown at a confidence such as 0.95. If all of the interval by the method "curvature" lies
+// within 5 % of the best value, this interval is returned; otherwise the method is "profile". kn_fit_interval_by uses
+// the given method.
 kn_fit_interval kn_fit_interval_of(const kn_fit *fit, int unknown, double confidence);
 kn_fit_interval kn_fit_interval_by(const kn_fit *fit, int unknown, double confidence, kn_fit_how how);
 

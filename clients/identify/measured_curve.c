@@ -116,10 +116,10 @@ static bool strides(const kn_table_reader *s, const double *t, int i, double lon
     return next < s->rows && t[next] - t[i] > longer_s;
 }
 
-// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. These rows begin a second table, unless one or
-// two of them are only out of place. In the latter case return 0: one of the first FEW rows then continues the old
-// time. Its time is between `last`, the largest time so far, and three old steps later, and the row after it follows
-// within ten old steps.
+// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. These rows begin a second table if time has
+// started again. Return 0 if only one or two rows are out of place, so that one of the first FEW rows continues the old
+// time. The time of such a row is between `last`, the largest time so far, and three old steps later, and the next row
+// follows within ten old steps.
 static int rows_anew(const kn_table_reader *s, const double *t, int at, double last, double step)
 {
     double before = t[at];
@@ -138,8 +138,8 @@ int kn_curve_range_end(const kn_table_reader *s, int time, int begin)
 {
     const double *t = s->column[time].value;
     double first = NAN, last = NAN, step = 0, before = NAN;
-    // number of rows at which time falls; in a disordered file time falls often, and three successive rows may rise by
-    // chance
+    // Number of rows at which time falls. In a disordered file time falls often, and three successive rows may rise by
+    // chance. So once time has fallen, more rows must rise to begin a second table.
     int falls = 0;
     for (int i = begin; i < s->rows; i++) {
         if (isnan(t[i])) continue;
@@ -227,7 +227,8 @@ double kn_curve_begin(const kn_curve_file *f, const kn_curve *c)
 {
     if (isfinite(f->begin_s)) return f->begin_s;
     const double first = c->time_s[0], span = c->time_s[c->count - 1] - first;
-    if (first <= span) return 0; // the load came at time 0, before or after the first reading
+    // time counts from the load, and the first reading came a little before or after the load
+    if (first <= span) return 0;
     kn_curve_say(f,
                  "time does not begin near 0: it is counted from the first reading, %.6g s; "
                  "a line '# begin: TIME' sets another begin",
@@ -393,7 +394,7 @@ static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_
     return KN_EXIT_OK;
 }
 
-// Compute the stress from load or modulus. The section grows with the strain, unless c->constant_area is true.
+// Compute the stress from load or modulus. If c->constant_area is false, the section grows with the strain.
 static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
 {
     if (what == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
@@ -415,7 +416,7 @@ static void say_relax(const kn_curve_file *f, const kn_curve *c, kn_column_quant
     char strain[60] = "strain unknown";
     if (c->strain > 0) snprintf(strain, sizeof strain, "strain of %.4g %%", 100 * c->strain);
     kn_curve_say(f, "%s: %d readings of %s, %s%s from %.4g s on, to %.5g s", c->name, c->count,
-                 kn_column_quantity_name(what), strain, c->other ? " and the rise to it, held" : ", held", c->begin_s,
+                 kn_column_quantity_name(what), strain, c->other ? ", with its rise, held" : ", held", c->begin_s,
                  c->time_s[c->count - 1]);
 }
 
@@ -536,11 +537,11 @@ static int bad_note(const kn_curve_file *f, const char *key)
     const kn_table_reader *s = &f->table;
     int n = 0;
     while (strcmp(s->note[n].key, key) != 0) n++;
-    return kn_table_reader_complain(s, s->note[n].line, s->note[n].at, "%s of %s, expected one above 0, 1e15 at most",
-                                    key, s->note[n].value);
+    return kn_table_reader_complain(s, s->note[n].line, s->note[n].at,
+                                    "%s of %s, expected a value above 0 and at most 1e15", key, s->note[n].value);
 }
 
-// Read the notes. A note of the file overrides the option of that name, which applies to all files.
+// Read the notes. An option applies to all files. A note in a file overrides the option of the same name.
 static int take_notes(kn_curve_file *f)
 {
     const kn_curve_options *o = f->opt;
@@ -552,7 +553,8 @@ static int take_notes(kn_curve_file *f)
                  {"release", "s", &f->release_s, o->release_s}, {"strain", "1", &f->strain, o->strain}};
     int code = KN_EXIT_OK;
     for (size_t i = 0; i < sizeof notes / sizeof *notes && code == KN_EXIT_OK; i++) {
-        // Take the value of the note, or else of the option. A note's value must be from 1e-15 to 1e15.
+        // Take the value of the note. If there is no note, take the value of the option. A note's value must be from
+        // 1e-15 to 1e15.
         *notes[i].value = NAN;
         code = kn_table_reader_note(&f->table, notes[i].key, notes[i].unit, notes[i].value);
         const double value = *notes[i].value;
@@ -562,7 +564,7 @@ static int take_notes(kn_curve_file *f)
     f->begin_s = NAN;
     if (code == KN_EXIT_OK) code = kn_table_reader_note(&f->table, "begin", "s", &f->begin_s);
     f->constant_area = o->constant_area;
-    // The note "section: constant" means the same as the option --constant-area.
+    // The note "section: constant" has the effect of the option --constant-area.
     for (int n = 0; n < f->table.notes; n++)
         f->constant_area |= !strcmp(f->table.note[n].key, "section") && !strcmp(f->table.note[n].value, "constant");
     return code;

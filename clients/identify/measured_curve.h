@@ -112,8 +112,8 @@ double kn_curve_largest(const kn_curve *curve); // return the largest entry of v
 // at the time of the load or before, never later. This holds for any material, with or without flat readings before the
 // load. The meeting time is thus a lower limit of the time of the load.
 //
-// Return the time at which the straight line through the first rising strains meets the initial level of the strain.
-// The initial level is the mean of the first three readings if these are flat, or else 0. Set *least_s to the earliest
+// Return the time at which the straight line through the first rising strains meets the initial level of the strain. If
+// the first three readings are flat, the initial level is their mean; otherwise it is 0. Set *least_s to the earliest
 // possible time, four standard deviations before the returned time. Return -INFINITY if the noise hides the rise of the
 // strain, or if the first reading is more than four standard deviations of the noise below the initial level. There
 // must be at least 3 readings, and the times must rise.

@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
 #define KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
-// The readings of one curve on their way from the table (table_reader.h), which holds them as written in the file, to
-// the finished curve (measured_curve.h). They are sorted, cleaned and thinned to as many readings as a fit needs.
-// Arrays of a kn_curve that are NULL are skipped, but kn_curve_merge and kn_curve_thin need weight[].
+// The steps from the readings in the table (table_reader.h), which are as written in the file, to the readings in the
+// finished curve (measured_curve.h). The readings are sorted, cleaned and thinned to as many as a fit needs. Arrays of
+// a kn_curve that are NULL are skipped, but kn_curve_merge and kn_curve_thin need weight[].
 #include "clients/identify/measured_curve.h"
 #include "clients/identify/table_reader.h"
 
@@ -25,10 +25,10 @@ int kn_curve_merge(kn_curve *c);
 void kn_curve_skip(kn_curve *c, int count);
 
 // Thin the readings to about `most` readings if there are more than 4/3 `most`. The rising times change_s[changes]
-// divide the readings into pieces. Within a piece, neighbouring readings are averaged if their times since the begin of
-// the piece differ by less than a factor, which is the same for the whole piece. Each mean is placed at the mean time
-// of its readings. The mean of a bent curve is corrected by the curvature through the neighbouring means. Return false
-// if memory runs out.
+// divide the readings into pieces. Within a piece, neighbouring readings are averaged if their times since the start of
+// the piece differ by less than a factor. Each piece has one such factor. Each mean is placed at the mean time of its
+// readings. The mean of a bent curve is corrected by the curvature through the neighbouring means. Return false if
+// memory runs out.
 bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s);
 
 // Set the noise of the curve from its value[], or in a sweep from the logarithms of both moduli.
@@ -45,12 +45,12 @@ typedef struct kn_curve_file {
     kn_curve_kind kind;
     kn_curve *curve; // [KN_CURVES_MAX]
     int *count;      // number of curves in curve[]
-    // values from the notes of the file, or else from the options; NAN: neither a note nor an option gives the value
+    // values from the notes of the file; without a note, from the options; NAN: neither gives the value
     double height_m, area_m2, load_n, stress_pa, release_s, begin_s, strain;
     bool constant_area;
 } kn_curve_file;
 
-// The rows begin..end-1 of the table, which become a curve, and the columns that fill the curve's arrays; -1: no
+// Range of rows of the table, begin..end-1, that becomes a curve, and the columns that fill the curve's arrays; -1: no
 // column.
 typedef struct kn_curve_rows {
     int begin, end, time, value, other, load;
@@ -70,8 +70,8 @@ int kn_curve_read(kn_curve_file *f, int count, const int wanted[]);
 int kn_curve_range_end(const kn_table_reader *s, int time, int begin);
 
 // Append a curve to f->curve, name the curve after the file and `part`, and fill its arrays from the table. If the
-// curve takes all rows and `shared` is false, the table's arrays are moved into the curve. Otherwise they are copied.
-// Return 0, or print an error and return an exit code.
+// curve takes all rows and `shared` is false, the table's arrays are moved into the curve. Otherwise the table's arrays
+// are copied. Return 0, or print an error and return an exit code.
 int kn_curve_add(kn_curve_file *f, const char *part, bool shared, kn_curve_rows rows, kn_curve **curve);
 
 // Remove readings that lack a number, sort the readings by time, and average readings of the same time. Print each
@@ -87,9 +87,9 @@ int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *ch
 // positive in a kn_curve, but some files write it as negative. `name` is the name of the quantity.
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name);
 
-// Return the time at which the load was applied: the value of the note `begin`, or else 0. If there is no note and the
-// first reading comes later than the duration of the whole curve, time does not count from the load. In that case
-// return the time of the first reading and report this on stdout.
+// Return the time at which the load was applied: the value of the note `begin`. Without a note, time usually counts
+// from the load, so return 0. But if the time of the first reading exceeds the duration of the whole curve, return the
+// time of the first reading and report this on stdout.
 double kn_curve_begin(const kn_curve_file *f, const kn_curve *c);
 
 // Print an error and return an exit code if neither a note nor an option gives the specimen's height or its area, which

@@ -54,8 +54,8 @@ static bool take_relax(kn_compared_curve *c, double cut_option_s, double *cut_s)
     if (!kn_time_bins_make(&b, c->curve, begin)) return false;
     const bool ok = room(c, b.count);
     const double last = b.count ? b.time_s[b.count - 1] : 0;
-    // Without a given cut, the early part ends at a tenth of the last time if the readings span two decades of time, or
-    // else at half of the last time.
+    // Without a given cut, the early part ends at a tenth of the last time if the readings span two decades of time;
+    // otherwise it ends at half of the last time.
     *cut_s = cut_option_s > 0 ? cut_option_s : b.count && last >= 100 * b.time_s[0] ? last / 10 : last / 2;
     for (int i = 0; ok && i < b.count; i++) put(c, b.time_s[i] <= *cut_s ? EARLY : LATE, b.time_s[i], b.value[i]);
     kn_time_bins_free(&b);
@@ -147,7 +147,8 @@ static double error_of(const work *w, const double *value, int part, double *res
 }
 
 // Return whether the data leave the unknown undetermined: its best value is at a bound, or its standard deviation is
-// too large. The limit of the standard deviation is 1 for a logarithm, and the value itself for a linear unknown.
+// too large. The limit of the standard deviation is 1 if the unknown is fitted as a logarithm; if the unknown is
+// linear, the limit is its value.
 static bool is_loose(const kn_fit *fit, int unknown)
 {
     const kn_fit_unknown *u = &fit->unknown[unknown];
@@ -176,7 +177,7 @@ static void fit_model(kn_model_comparison *m, const kn_constitutive_model *model
         (kn_model_comparison_row){.model = *model, .aicc = INFINITY, .early = INFINITY, .held = INFINITY, .runs = NAN};
     row->unknowns = fit.unknowns = kn_constitutive_unknowns(model, m->curves, m->curve, fit.unknown);
     if (fit.unknowns + 2 >= m->early) return;
-    // the last row so far, which may hold this model with fewer parameters
+    // the previous row, which may hold a variant of this model with fewer parameters
     const kn_model_comparison_row *last = m->rows ? &m->row[m->rows - 1] : NULL;
     // The search of a model with more parameters may start from the fit of the model with fewer parameters.
     const bool follows = last && last->fitted && last->model.kind == model->kind;
@@ -322,7 +323,8 @@ static bool is_below_all(const kn_model_comparison *m)
     return any && m->relax && m->late_pa < BELOW * m->early_pa;
 }
 
-// Name the rows that are as good as the best on both parts. If there are none, name the best rows of either part.
+// Name the rows that are as good as the best on both parts. If there are none, name the best rows of the early part,
+// and the best row of the late part.
 static void say_support(const kn_model_comparison *m, char *text, size_t size)
 {
     bool any = false;
@@ -330,7 +332,9 @@ static void say_support(const kn_model_comparison *m, char *text, size_t size)
     if (any) {
         append(text, size, "the data support ");
         append_names(m, supported, text, size);
-        append(text, size, ": best on the fitted part (AICc within 2) and on the later part (error within 1.1 times)");
+        append(text, size,
+               ": best on the fitted part (AICc at most 2 above the least) and on the later part (error at most 1.1 "
+               "times the least)");
         return;
     }
     const int count = append_names(m, describes, text, size);
@@ -346,7 +350,7 @@ static void say_elements(const kn_model_comparison *m, char *text, size_t size)
     if (element < 0 || element == any) return;
     append(text, size, "; a yardstick wins; among springs and dampers, ");
     append_name(text, size, &m->row[element]);
-    append(text, size, " comes nearest, with an error of %.3g %% on the later part, against %.3g %% of the yardstick",
+    append(text, size, " comes nearest: its error on the later part is %.3g %%, that of the yardstick %.3g %%",
            100 * m->row[element].held, 100 * m->row[any].held);
 }
 
@@ -414,7 +418,7 @@ void kn_model_comparison_print(const kn_model_comparison *m)
     for (int i = 0; i < m->rows; i++) print_row(m, &m->row[i]);
     printf(
         "letters: elements in figure 2 of the first paper. n: number of parameters. AICc: difference from the best.\n"
-        "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+        "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
         "above 3, the model has another shape than the data. (?): not determined by the fitted part\n");
     kn_model_comparison_verdict(m, text, sizeof text);
     printf("verdict     %s.\n", text);

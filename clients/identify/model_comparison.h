@@ -5,8 +5,8 @@
 //
 // clang-format off
 //     relaxation   A residual is a difference of ln(stress), for the means of bins of ln(time), so every decade of time
-//                  counts the same. The early part ends at a tenth of the last time if the readings span two decades of
-//                  time, or else at half of the last time.
+//                  counts the same. If the readings span two decades of time, the early part ends at a tenth of the
+//                  last time; otherwise it ends at half of the last time.
 //     creep        A residual is a difference of strain, divided by the curve's noise or by KN_COMPARISON_COARSE times
 //                  the curve's largest strain, whichever is larger. The early part is the first half of each span
 //                  between two changes of load, with or without load.
@@ -48,7 +48,8 @@ typedef struct kn_model_comparison {
     int rows;                                       // number of rows of the table
     kn_model_comparison_row row[KN_COMPARISON_MAX]; // [rows] one row for each model
     bool relax;                                     // true: relaxation; false: creep
-    int curves, early, late;                // number of curves, of readings in the early part, and in the late part
+    // curves: number of curves; early, late: number of readings in the early part and in the late part
+    int curves, early, late;
     double early_pa, late_pa;               // relaxation: least stress in the early part, and in the late part
     kn_compared_curve curve[KN_CURVES_MAX]; // [curves]
     double cut_s;                           // end of the early part of the first curve [s]
@@ -71,7 +72,7 @@ void kn_model_comparison_print(const kn_model_comparison *models); // print the 
 // add the table to the JSON output under the name "models"
 void kn_model_comparison_tell(const kn_model_comparison *models);
 
-// Write a row's parameters to `text` as one line, such as "tau1 12.3 s, k1 4.56 kPa".
+// Write the parameters of a row to `text` as one line, such as "tau1 12.3 s, k1 4.56 kPa".
 void kn_model_comparison_numbers(const kn_model_comparison_row *row, char *text, size_t size);
 
 #endif

@@ -17,7 +17,7 @@ static const char help[] =
     "In series with them, the damper alpha exp(-beta P) relaxes the stress. The stress P is limited to P0 .. P1.\n\n"
     "    knead identify relax ramp.csv --height 1cm --area 1cm^2 --out dough.yaml\n"
     "    knead identify relax modulus.csv --strain 5% --png fit.png\n\n"
-    "A file is a table with a name and a unit above each column. It has the time, and stress, load or modulus.\n"
+    "A file is a table of time and stress, load or modulus, with a name and a unit above each column.\n"
     "If strain, displacement or height were recorded, they are further columns.\n"
     "Lines before the table may give values that hold for the whole file:\n"
     "    # strain: 10 %       # height: 1 cm       # area: 1 cm^2       # begin: 1.5 s\n"
@@ -29,8 +29,8 @@ static const char help[] =
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,modulus=Pa\n"
     "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
-    "  --noise relative       noise as a share of the stress; each decade of time has 20 means of readings (default)\n"
-    "  --noise constant       equal noise at all stresses, as of an instrument; each reading counts the same\n"
+    "  --noise relative       assume noise that is a share of the stress; fit 20 means per decade of time (default)\n"
+    "  --noise constant       assume equal noise at all stresses, as of an instrument; give each reading equal weight\n"
     KN_IDENTIFY_OUTPUT_HELP
     "\nThe output gives the best parameters and their 95 % intervals.\n"
     "The intervals are valid if the model is right and the noise is independent. The output says whether this is so.\n"
@@ -104,8 +104,10 @@ static void doubt(kn_identification *w)
     }
     if (is_refused(r, why, sizeof why)) kn_identify_note(w, "no scene accepts this material: %s", why);
     if (r->scale == KN_RELAXATION_RISE || r->number[KN_ESTIMATE_C1].value > 0) return;
-    kn_identify_note(w, "c1 is 0: with c1 above 0, reaching the strain at once would have taken an infinite stress. "
-                        "The material answers a sudden strain with its spring k1");
+    kn_identify_note(
+        w,
+        "c1 is 0, because the strain was reached at once: with c1 above 0, this would have taken an infinite stress. "
+        "The material answers a sudden strain with its spring k1");
 }
 
 // ---- printed results of relax
@@ -133,7 +135,7 @@ static void print_curves(const kn_relaxation_fit *r)
                k->hold.count, 100 * k->misfit, kn_identify_runs(k->runs, runs));
     }
     printf("rise, hold: number of fitted means. misfit: mean of |fit/measured - 1|.\n"
-           "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+           "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
            "above 3, the model has another shape than the data\n");
 }
 
@@ -310,7 +312,7 @@ static int fit(kn_identification *w)
     const kn_relaxation_fit_options how = {.confidence = 0.95, .constant_noise = w->opt.constant_noise};
     if (!kn_relaxation_fit_run(&w->relax, w->curves, w->curve, &how, error, sizeof error))
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
-    // A modulus gives no material if its strain is unknown.
+    // A modulus gives a material only if the held strain is known.
     if (w->opt.out && w->relax.scale == KN_RELAXATION_MODULUS)
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                            "--out %s: no material without the held strain, expected it in the file or by --strain",

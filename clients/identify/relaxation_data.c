@@ -58,8 +58,8 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
     *r = (kn_strain_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
     if (!(r->strain > 0)) return false;
     int low = 0, high = 0, end = 0;
-    // Fit a line to the rise between 10 % and 90 % of the held strain: readings low..high-1. If these are fewer than
-    // three, draw the line through the reading before them and the reading after them.
+    // Fit a line to the rise between 10 % and 90 % of the held strain: readings low..high-1. If fewer than three
+    // readings are in this range, draw the line through the reading before the range and the reading after it.
     while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
     while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
     for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;
@@ -116,8 +116,8 @@ static double bin_of(const grid *g, const kn_curve *c, int i)
     return floor(share * KN_RELAXATION_RISE_BINS);
 }
 
-// Turn the sums of the last bin into means. In a hold the value is a geometric mean, unless the least value is at most
-// half of the arithmetic mean: readings near 0 have no useful logarithm.
+// Turn the sums of the last bin into means. In a hold the value is a geometric mean. But readings near 0 have no useful
+// logarithm, so the value is an arithmetic mean if the least value is at most half of the arithmetic mean.
 static void close_bin(kn_time_bins *b, bool geometric, double ln_value, double least)
 {
     const int k = b->count - 1;
@@ -191,7 +191,7 @@ static void take_rise(kn_relaxation_curve *to)
     if (!to->rises) to->rise.count = 0;
 }
 
-// Split one curve into means of its rise and means of its hold.
+// Split one curve into a rise and a hold, and average the readings of each into means.
 static bool take_curve(kn_relaxation_curve *to, const kn_curve *curve)
 {
     kn_strain_ramp *ramp = &to->ramp;

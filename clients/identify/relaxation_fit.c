@@ -82,8 +82,8 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
 
 // ---- the search for the parameters
 
-// State of the first search, which fits the holds alone, since their closed form is cheap to compute. The unknowns and
-// the starts are those of the papers' damper among the constitutive models.
+// State of the first search, which fits the holds alone, since the closed form of a hold is cheap to compute. The
+// search uses the unknowns and starts of the papers' damper from constitutive_models.h.
 typedef struct holds {
     work alone; // state of a fit in which no curve has a rise
     kn_constitutive_model model;
@@ -149,7 +149,7 @@ static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
     kn_fit *fit = &w->fit;
     double scale = 1;
     *fit = (kn_fit){.readings = w->r->readings, .misfit = misfit, .of = w, .unknowns = BEGIN + w->r->curves};
-    // For each curve with a rise, compute k1 by equation (1) of the header, at the begin of the hold.
+    // For each curve with a rise, compute k1 by equation (1) of the header, at the start of the hold.
     for (int c = 0; c < w->r->curves; c++)
         if (w->r->curve[c].rises)
             scale = v[BEGIN + c] * (1 + v[C1] / v[ALPHA] * exp(v[BETA] * v[BEGIN + c])) / w->r->curve[c].ramp.strain;
@@ -236,9 +236,9 @@ static void measured(work *w)
     }
 }
 
-// Keep w->fit as the best fit if its AICc is below the least AICc so far by more than 2, as a fit with more parameters
-// must achieve. If P0 or P1 is an unknown, it must be well within the measured stresses, since it has no effect at the
-// end of their range.
+// Keep w->fit as the best fit if its AICc is below the least AICc so far by more than 2. A smaller decrease would not
+// justify the further parameters. If P0 or P1 is an unknown, it must be well within the measured stresses, since it has
+// no effect at the end of their range.
 static void consider(work *w, bool ok, kn_fit *best, double *least)
 {
     const kn_fit_unknown *p0 = &w->fit.unknown[P0], *p1 = &w->fit.unknown[P1];
@@ -249,7 +249,7 @@ static void consider(work *w, bool ok, kn_fit *best, double *least)
     *best = w->fit;
 }
 
-// Try P1 as an unknown, then P0, then both. The fit with both starts from the fit with P0.
+// Try P1 as an unknown, then P0, then both. The fit with P0 and P1 starts from the fit with P0 alone.
 static void consider_clamps(work *w, const kn_fit *base, kn_fit *best, double *least)
 {
     w->fit = *base;
@@ -290,7 +290,7 @@ static double excess(const kn_fit *fit, int unknown, double value, double t)
 }
 
 // Return the bound of an unknown that is not in the fit: the value beyond which the data exclude it. The bound lies
-// between `from`, where the unknown has no effect, and `to`.
+// between the value `from`, where the unknown has no effect, and the value `to`.
 static double bound(const work *w, int unknown, double from, double to)
 {
     const double t = kn_fit_student(w->options.confidence, w->fit.freedom);
@@ -416,7 +416,7 @@ static void judge(work *w)
     }
 }
 
-// Make the material from the parameters, unless the strain is unknown.
+// Make the material from the parameters, if the strain is known.
 static void make_material(kn_relaxation_fit *r)
 {
     double value[KN_ESTIMATE_NUMBERS];

@@ -62,8 +62,8 @@ bool kn_strain_ramp_of(kn_strain_ramp *ramp, const kn_curve *curve);
 typedef struct kn_time_bins {
     int count;      // number of bins, and of entries in each array below
     double *time_s; // [count] arithmetic mean of the bin's times since the strain was reached [s]
-    // [count] geometric mean of the bin's stresses or moduli. The mean is arithmetic in a rise, or if the least value
-    // of the bin is at most half of the arithmetic mean.
+    // [count] mean of the bin's stresses or moduli. The mean is geometric in a hold. It is arithmetic in a rise, or if
+    // the least value of the bin is at most half of the arithmetic mean.
     double *value;
     double *weight; // [count] number of readings in the bin
     int *line;      // [count] line number in the file of the first reading of the bin
@@ -87,11 +87,11 @@ typedef struct kn_relaxation_curve {
     const kn_curve *curve;
     kn_strain_ramp ramp;
     bool rises; // whether the fit uses readings of the rise of the strain
-    // means of the readings in the rise and in the hold; their times count from the end of the rise and are negative in
-    // the rise. The arrays of `hold` follow those of `rise` in memory, so rise.value[rise.count] is hold.value[0].
+    // Means of the readings in the rise and in the hold. Time counts from the end of the rise, so it is negative in the
+    // rise. The arrays of `hold` follow those of `rise` in memory, so rise.value[rise.count] is hold.value[0].
     kn_time_bins rise, hold;
-    double *fit_pa;   // fitted stress at the means of `rise`, followed by the means of `hold`
-    double *residual; // residuals at the means of `rise`, followed by the means of `hold`
+    double *fit_pa;   // fitted stress, first at the means of `rise`, then at the means of `hold`
+    double *residual; // residuals, first at the means of `rise`, then at the means of `hold`
     double misfit;    // mean of |fit/measured - 1|
     double runs;      // result of kn_fit_runs for the residuals
 } kn_relaxation_curve;

@@ -20,8 +20,8 @@ static const char help[] =
     "    knead identify sweep sweep.csv --out putty.yaml --png fit.png\n\n"
     "A file is a table with a name and a unit above each column. It has the frequency in Hz or rad/s, and the moduli.\n"
     "The moduli are G' and G'', or |G*| with tan delta or the phase angle. All files must be of one material.\n\n"
-    "  --shear           read the moduli as shear moduli; those of the result, for compression, are three times as large\n"
-    "                    (true for a material that keeps its volume)\n"
+    "  --shear           read the moduli as shear moduli, and multiply them by three for a result in compression\n"
+    "                    (valid for a material that keeps its volume)\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. omega=rad/s,storage=Pa\n"
     "  --out FILE        the material, for `material: FILE` in a scene; the interval of every parameter is in a comment.\n"
     "                    The element is the best supported one that a scene can have: s|d, s-d or (s|d)-d.\n"
@@ -127,7 +127,7 @@ static void place(const work *w, unsigned *seed, double start[KN_FIT_UNKNOWNS])
     }
 }
 
-// Set the bounds of every spring and damper (part) far beyond the measured moduli and frequencies.
+// Set the bounds of every part (spring or damper) far beyond the measured moduli and frequencies.
 static void bounds(const work *w, kn_fit *fit)
 {
     double least = INFINITY, most = 0, slow = INFINITY, fast = 0;
@@ -178,8 +178,8 @@ static void nest(nesting *n, int leaf, unsigned placed)
     }
 }
 
-// Add starts from the fitted elements with fewer parts. If this element contains such an element, its sum of squares
-// cannot end above the sum of the contained element.
+// Add starts from the fitted elements with fewer parts. If this element contains such an element, the fit cannot end
+// with a larger sum of squares than the fit of the contained element.
 static int start_within(kn_fit *fit, const kn_element *element, const kn_sweep_fit *found,
                         double start[][KN_FIT_UNKNOWNS])
 {
@@ -245,8 +245,8 @@ static void fit_row(const work *all, const kn_sweep_fit *found, kn_sweep_fit_row
     if (row->fitted) judge(row, &fit, confidence);
 }
 
-// Choose the row with the fewest parts among those within KN_SWEEP_FIT_NEAR of the least AICc. material: only rows that
-// a scene can have.
+// Choose the row with the fewest parts among those within KN_SWEEP_FIT_NEAR of the least AICc. If `material` is true,
+// consider only elements that a scene can have.
 static int choose(const kn_sweep_fit *s, bool material)
 {
     double least = INFINITY;
@@ -293,8 +293,8 @@ static double noise(const kn_identification *w)
     return most;
 }
 
-// Return whether the element that a scene can load fails to describe the data. In that case write one sentence on its
-// misfit. For normal noise the mean of |x| is 0.8 standard deviations, so a misfit of twice the noise is more than
+// Return whether the best element that a scene can load fails to describe the data. If it fails, write one sentence on
+// its misfit. For normal noise the mean of |x| is 0.8 standard deviations, so a misfit of twice the noise is more than
 // noise.
 static bool doubt(const kn_identification *w, char *text, size_t size)
 {
@@ -372,7 +372,7 @@ static void print(kn_identification *w)
                r->aicc - s->row[s->best].aicc, kn_identify_runs(r->runs, runs), text);
     }
     printf("misfit: mean of |model/measured - 1| of both moduli. AICc: difference from the chosen element.\n"
-           "runs: by how many standard deviations the residuals have fewer runs of one sign than noise;\n"
+           "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
            "above 3, the model has another shape than the data\n");
     verdict(s, text, sizeof text);
     printf("verdict     %s.\n", text);
@@ -433,7 +433,7 @@ static int write_material(const kn_identification *w, const char *path)
                            path, row->expression, 100 * row->error);
     snprintf(origin, sizeof origin, "sweep from %s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
              kn_material_source(w->opt.file[0], w->opt.files, source), row->expression, w->sweep.readings,
-             100 * row->error, w->modulus_scale > 1 ? ", moduli of shear times 3" : "",
+             100 * row->error, w->modulus_scale > 1 ? ", shear moduli multiplied by 3" : "",
              row->material.damper == KN_DAMPER_NONE ? "This element has no damper in series, so no deformation remains"
                                                     : at_rest);
     const size_t n = strlen(origin);
@@ -493,7 +493,7 @@ static int draw(kn_identification *w, const char *path)
     }
     kn_identify_points(low, high, d.hz);
     add_row(&p[0], &d, &s->row[s->best], 0);
-    // If the nearest element that a scene can have is another one, draw its moduli, too.
+    // If the nearest element that a scene can have is not the chosen element, draw its moduli, too.
     if (s->material >= 0 && s->material != s->best) add_row(&p[0], &d, &s->row[s->material], 1);
     int code = kn_figure_draw(w->opt.subcommand, path, "storage and loss modulus", p, 2, 2);
     free(left);

@@ -73,7 +73,7 @@ int kn_table_reader_note(const kn_table_reader *s, const char *key, const char *
     return KN_EXIT_OK;
 }
 
-// ---- finding the begin of the table
+// ---- finding the start of the table
 
 static char separator_of(const char *line)
 {
@@ -107,9 +107,10 @@ typedef struct candidate { // a line of words that may hold the names of the col
 
 // State of the search for the start of the table.
 typedef struct search {
-    candidate plain, commented; // last line of words without a comment sign, and last one with a comment sign
-    int data;                   // line number of the first row of numbers; 0: not found so far
-    char of_rows;               // separator of the first row of numbers
+    // plain: last line of words without a comment sign; commented: last line of words with a comment sign
+    candidate plain, commented;
+    int data;     // line number of the first row of numbers; 0: not found so far
+    char of_rows; // separator of the first row of numbers
 } search;
 
 // Return whether the line is a row of numbers below a line of names with `cells` cells. In a row, at least half of the
@@ -346,14 +347,15 @@ static bool grow(kn_table_reader *s, int count, const int wanted[])
     return ok;
 }
 
-// Print the error that cells hold text in place of numbers, and return an exit code. Text is no error if the names are
-// repeated below it: then it is the heading of the next interval.
+// Print an error and return an exit code: cells hold text in place of numbers. If the names are repeated below the
+// text, the text is the heading of the next interval and no error.
 static int bad_text(const kn_table_reader *s)
 {
     const char *text = s->strange.text;
     if (s->strange.lines > 1)
-        return kn_table_reader_complain(s, s->strange.line, 1,
-                                        "'%s' and more text, expected one table in a file: remove the others", text);
+        return kn_table_reader_complain(
+            s, s->strange.line, 1,
+            "'%s' and more text in place of numbers, expected one table in a file: remove other tables", text);
     const bool thousands = strchr(text, ',') && strchr(text, '.');
     return kn_table_reader_complain(
         s, s->strange.line, s->strange.at, "'%s' for %s, expected a number%s", text, s->strange.name,
@@ -410,7 +412,7 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
                                             "%g in SI units, expected at most %g", value, KN_TABLE_MOST);
         column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
     }
-    for (; index < cells; index++) // if the row has too few cells, the absent cells count as missing readings
+    for (; index < cells; index++) // if the row has too few cells, treat the absent cells as missing readings
         if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
     if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
     // skip the row if a requested cell holds text, or if no requested cell holds a number

@@ -65,8 +65,8 @@ typedef enum kn_text_cell_content { KN_CELL_NUMBER, KN_CELL_MISSING, KN_CELL_TEX
 // empty cell follows that separator.
 bool kn_text_cell_next(char separator, const char **at, kn_text_cell *cell);
 
-// Read the number in a cell. Set *comma if the number has a decimal comma, and *point if it has a decimal point. A
-// comma counts as a decimal comma only if the separator is not a comma or the cell is quoted.
+// Read the number in a cell. Set *comma if the number has a decimal comma, and *point if it has a decimal point. If the
+// separator is a comma, a comma is a decimal comma only in a quoted cell.
 kn_text_cell_content kn_text_cell_read(const kn_text_cell *cell, char separator, double *value, bool *comma,
                                        bool *point);
 
@@ -101,7 +101,7 @@ bool kn_note_read(const char *text, int line, kn_note *note);
 // A unit. A number in this unit is number * times / over in SI units. Two factors are kept, since 5/1000 is exactly
 // 0.005 but 5 * 0.001 need not be.
 typedef struct kn_column_unit {
-    kn_unit dimension; // only the powers of m, kg, s and rad in this struct are used
+    kn_unit dimension; // of this struct, only the powers of m, kg, s and rad are used
     double times, over;
 } kn_column_unit;
 
@@ -155,7 +155,7 @@ typedef struct kn_table_reader {
     int *line; // [rows] line number of each row in the file
     int notes; // number of notes
     kn_note note[KN_TABLE_NOTES];
-    // line numbers of the lines that hold the names and the units, from 1 on; 0: there is no such line
+    // lines that hold the names and the units, counted from 1; 0: there is no such line
     int header_line, units_line;
     bool commas; // numbers with decimal commas were found
     // Filter for a table with rows of several tools: only rows whose cell in the column `column` equals `text` are
@@ -167,11 +167,11 @@ typedef struct kn_table_reader {
     } only;
     // the next fields are private to table_reader.c
     kn_lines lines;
-    // separator: separator in the line of names; of_rows: separator in the rows, which may be another one
+    // of_rows: separator in the rows; separator: separator in the line of names. The two may differ.
     char separator, of_rows;
     int room;    // number of rows for which memory is allocated
     bool points; // numbers with decimal points were found
-    // The first text found in place of a number. The text is an error unless the line of names is repeated below it.
+    // The first text found in place of a number. If the line of names is repeated below the text, the text is no error.
     struct {
         // lines: number of lines with text in place of a number and without any number; line, at: line number of the
         // first text, and its position in that line
@@ -226,9 +226,9 @@ typedef enum kn_column_quantity {
 // return the name of a quantity, such as "time", "height" or "storage modulus"
 const char *kn_column_quantity_name(kn_column_quantity quantity);
 
-// Return the index of the column that holds a quantity, or -1. A column that certainly holds it (kn_column_is_sure) is
-// preferred. If two columns match equally well, or if the only matching column has no unit or a unit of another
-// dimension, print an error and set *code to an exit code. If `code` is NULL, print nothing.
+// Return the index of the column that holds a quantity, or -1. A column that certainly holds the quantity
+// (kn_column_is_sure) is preferred. If two columns match equally well, or if the only matching column has no unit or a
+// unit of another dimension, print an error and set *code to an exit code. If `code` is NULL, print nothing.
 int kn_column_find(kn_table_reader *s, kn_column_quantity quantity, int *code);
 
 // Return whether the quantity in a column that was found is certain. It is certain if the column has a unit, or if the

@@ -39,7 +39,8 @@ static size_t put_wide(char *to, unsigned unit)
     return 3;
 }
 
-// Fill the buffer from a UTF-16 file. Read chunk by chunk, as long as a whole chunk fits even at 3 bytes per code unit.
+// Fill the buffer from a UTF-16 file. A code unit becomes up to 3 bytes, so read a chunk only while the buffer has room
+// for all code units of the chunk.
 static void fill_wide(kn_lines *l)
 {
     unsigned char raw[8192];
@@ -66,7 +67,7 @@ static void fill_bytes(kn_lines *l)
 static void recognise(kn_lines *l)
 {
     const unsigned char *b = (const unsigned char *)l->buffer;
-    // The file begins with a byte order mark of UTF-16: read it again from behind the mark.
+    // The file begins with a byte order mark of UTF-16. Read the file again, from the first byte after the mark.
     if (l->end >= 2 && ((b[0] == 0xff && b[1] == 0xfe) || (b[0] == 0xfe && b[1] == 0xff))) {
         l->wide = b[0] == 0xff ? 1 : 2;
         l->at_end = false;
@@ -256,7 +257,7 @@ bool kn_note_read(const char *text, int line, kn_note *note)
     }
     while (n > 0 && isspace((unsigned char)note->key[n - 1])) n--;
     note->key[n] = '\0';
-    // spreadsheets fill up lines with separators, so cut the value at the first one
+    // spreadsheets fill up lines with separators, so end the value at the first separator
     size_t length = strcspn(value, ";\t");
     while (length > 0 && strchr(" ,", value[length - 1])) length--;
     snprintf(note->value, sizeof note->value, "%.*s", (int)length, value);

@@ -1,4 +1,4 @@
-// The yardsticks among the constitutive models: the fractional Maxwell model, and a logarithm of time.
+// The yardsticks among the constitutive models: the fractional Maxwell model, and the logarithm of time.
 #include "clients/identify/constitutive_models.h"
 #include <complex.h>
 #include <math.h>
@@ -115,8 +115,8 @@ static double stress(const kn_superposition *m, double nominal, double strain)
 }
 
 // Advance the strain over the interval from node n - 1 to node n. `x` is the strain at n that the stress up to node n -
-// 1 causes. The area, and so the slope of the stress in the interval, depends on the strain at n. The resulting linear
-// equation is solved for this strain.
+// 1 causes. The area depends on the strain at n, and the slope of the stress in the interval depends on the area. The
+// resulting linear equation is solved for the strain at n.
 static double step(kn_superposition *m, int n, double x, double nominal, double lag_k, double *p)
 {
     const double h = m->time_s[n] - m->time_s[n - 1], k = lag_k / h;

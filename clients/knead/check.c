@@ -66,7 +66,7 @@ static void print_net(const kn_model *model)
                mesh->element_count,
                model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around all of them",
                model->def.inside_pressure_pa);
-    // Warn about elastic properties of the mesh that its geometry causes.
+    // Warn about unwanted elastic properties that the geometry of the mesh causes.
     if (own->shear < 0.7 * isotropic) warn("the mesh is soft in shear, because of the directions of its edges");
     if (fabs(model->creep_error) > 0.1) warn("no stress area (gamma) gives the mesh the creep of the material");
     if (model->top_count == 0) warn("no surface faces up: a plate would not touch the object");
@@ -324,7 +324,7 @@ static void print_device(const kn_scene *scene)
     const kn_safety_limits *l = &scene->limits;
     printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device.name,
            l->clamp_n, l->torque_clamp_n_m, l->guard_n_per_ms, l->brake_m_s, l->brake_n_s_per_m);
-    printf("          without poses: force held %d ms, zero after %d ms; after %d ms of poses: full again in %d ms\n",
+    printf("          no poses: force held %d ms, zero after %d ms; poses again for %d ms: full force %d ms later\n",
            l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
     print_coupling(scene);
     // Names of the measures in mesh messages, indexed by the bits of mesh_measures.

@@ -66,7 +66,8 @@ static bool ends_in(const char *name, const char *end)
     return size >= tail && strcmp(name + size - tail, end) == 0;
 }
 
-// Return true if a member of the answer is not printed, because it is for programs only, or because it is nested and 0.
+// Return true if a member of the answer is not printed: members that are for programs only, and nested members whose
+// value is 0.
 static bool is_quiet(bool inner, const char *name, const json_t *value)
 {
     const char *key;

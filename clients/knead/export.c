@@ -31,7 +31,7 @@ static const char help[] =
     "  --ply PATH         files for MeshLab and Open3D: the surface with its normals.\n"
     "                     Each vertex has the quantity of --color as a colour and as a number named quality.\n"
     "                     PATH is a file with --at or --scene, otherwise a folder with one file for each moment\n"
-    "  --csv FILE         a table with one row per tick and live probe of the exported part of the recording.\n"
+    "  --csv FILE         a table of the exported part of the recording: one row for each tick and live probe.\n"
     "                     The columns are those of knead replay --csv\n\n"
     "  --from S, --to S   part of the recording, in seconds since its first session began (default: all of it)\n"
     "  --every S          interval between two exported moments, in seconds, 0.001 or more (default: 0.1)\n"
@@ -45,7 +45,8 @@ static const char help[] =
 
 typedef struct options {
     const char *log, *scene, *snapshot, *vtk, *ply, *csv;
-    // to_s INFINITY: up to the end; at_s NAN: export a series of moments, INFINITY: export the last moment only.
+    // to_s: INFINITY means up to the end of the recording. at_s: NAN means to export a series of moments, INFINITY to
+    // export the last moment only.
     double from_s, to_s, every_s, at_s;
     bool spaced; // true: at least one of --from, --to and --every was given
     int measure;
@@ -59,7 +60,7 @@ typedef struct run {
     kn_beside ply, csv;
     kn_paraview *paraview;
     kn_gauge *gauge;
-    int gauged; // model number (kn_moment.models) of `gauge`, which computes stresses
+    int gauged; // number of the model (kn_moment.models) that `gauge` was made for; the gauge computes stresses
     int moments;
     double first_s, last_s; // times of the first and the last exported moment
 } run;

@@ -36,11 +36,11 @@ static const char help[] =
     "  --json FILE       write all results as JSON\n"
     "  --plot FILE       draw the distributions as PNG (needs gnuplot)\n"
     "  --help, --version\n\n"
-    "A pose without an answer of its own is counted as missed, because the next pose overtook it.\n"
-    "The latency of a missed pose lasts until the answer to the next pose.\n"
+    "If a newer pose replaces a pose before kneadd has used it, the older pose is counted as missed.\n"
+    "The latency of a missed pose is measured to the first answer to a later pose.\n"
     "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
-// above_m: height of the tool above the object, m; years_s: duration that stands for a path without an end, s.
+// above_m: height of the tool above the object, m; years_s: duration of a path that must outlast every measurement, s.
 static const double above_m = 0.05, years_s = 1e8;
 static const double deep = 0.3; // depth of the press as a share of the object's height
 

@@ -30,7 +30,7 @@ typedef struct kn_flight { // a pose and its answer; times by CLOCK_MONOTONIC, 0
     // Times from kneadd's trace: pose arrived, tick began, lattice stepped, output stage done.
     int64_t arrived_ns, woke_ns, stepped_ns, guarded_ns;
     int32_t contacts;
-    bool counts; // true: the pose was sent while the piece `work` of the path was played, so it counts
+    bool counts; // true: the pose belongs to the measurement, because it was sent during the piece `work`
 } kn_flight;
 
 typedef struct kn_flights { // list of poses with their answers, in the order of sending
@@ -102,7 +102,8 @@ typedef struct kn_latency_report {
     int nodes;
     // Phase of kneadd's tick relative to the poses, "lock" or "free"; NULL: unknown, because kneadd ran already.
     const char *phase;
-    // Contract: allowed excess of p50 and p99 of the pose series over the sum of echo and execution, us; < 0: none.
+    // Latency contract: the two differences that are allowed, for p50 and for p99, us. Each is the difference between
+    // the percentile of the series pose and the sum of those of echo and execution. < 0: no limit.
     double contract_us[2];
     kn_series series[KN_SERIES_COUNT];
 } kn_latency_report;

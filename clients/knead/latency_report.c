@@ -126,7 +126,7 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
     int contacts = 0;
     for (int i = 0; i < l->flights[KN_LATENCY_POSE].count; i++)
         contacts += l->flights[KN_LATENCY_POSE].list[i].counts && l->flights[KN_LATENCY_POSE].list[i].contacts > 0;
-    printf("\nthe tool touched in %d of these poses; the hand missed %d of its own ms and restarted %d times\n",
+    printf("\nthe tool touched in %d of these poses; the hand missed %d of its 1 ms cycles and restarted %d times\n",
            contacts, l->missed_ms, l->interrupted);
     bool kept = true;
     for (int n = 0; n < 2; n++) {
@@ -213,7 +213,7 @@ int kn_latency_plot(const kn_latency_report *r, const char *path)
     fputc('\n', f);
     for (int d = 0; d < 3; d++) {
         const kn_series *s = &r->series[drawn[d]];
-        // Leave out the shares so close to 1 that less than one pose was slower.
+        // Leave out a share if it is so close to 1 that less than one pose was slower.
         for (double nines = 0; nines <= 4.2 && s->count; nines += 0.01) {
             double share = 1 - pow(10, -nines), us = kn_series_at(s, share);
             if (isfinite(us) && us > 0 && (1 - share) * s->count >= 1) fprintf(f, "%.2f %.4f\n", us, nines);

@@ -27,9 +27,10 @@
 
 // Real-time priority of the hand: as in knead probe, below that of kneadd's threads.
 static const int hand_priority = 60;
-// Real-time priority of the echo: that of kneadd's main thread, which the echo replaces.
+// Real-time priority of the echo. It equals the priority of kneadd's main thread, because the echo does the work of
+// that thread.
 static const int echo_priority = 70;
-static const int64_t echo_at_ns = 500000;      // time of the echo's pose within the millisecond of the hand, ns
+static const int64_t echo_at_ns = 500000;      // delay from the pose to kneadd until the pose to the echo, ns
 static const int64_t straggler_ns = 100000000; // wait for late answers at the end of the measurement, ns
 static const char echo_out[] = "KNEAD_LATENCY_POSE", echo_back[] = "KNEAD_LATENCY_FORCE";
 // HANDS_MAX: largest number of hands that are started one after the other in one measurement. MESSAGE_MAX: largest size
@@ -39,8 +40,9 @@ enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
 typedef struct run {
     kn_latency *l;
     const volatile int *stop;
-    // Connections to the buses: of the thread that receives all answers (ear), and of the echo. The hand sends through
-    // the connections of the ear.
+    // Connections to the buses. ear_bus, ear_echo: connections of the thread that receives all answers (ear), to the
+    // bus of kneadd and to the bus of the echo; the hand sends through these two as well. echo_bus: connection of the
+    // echo to its bus.
     kn_bus_client *ear_bus, *ear_echo, *echo_bus;
     // Answers in the order of arrival. The receiving thread (ear) stores session, seq, back_ns, execution_ns and
     // contacts.
@@ -341,8 +343,9 @@ void kn_latency_free(kn_latency *l)
 
 // The kneadd that knead latency starts for its measurement.
 
-// Port numbers: the first port, the number of ports per run of knead latency, and the number of such sets of ports. All
-// are below the range from which Linux assigns ports by itself.
+// Ports of the buses. ports_from: the first port. ports_each: number of ports for one run of knead latency. ports_sets:
+// number of runs for which there are different ports. All ports are below the range from which Linux assigns ports by
+// itself.
 static const int ports_from = 12000, ports_each = 3, ports_sets = 6000;
 
 // Choose ports by process id. Two simultaneous runs must not receive each other's messages, and stock liblcm
@@ -373,8 +376,8 @@ static int spawn(const char *path, char *const argv[], int out)
     _exit(127);
 }
 
-// Return the path of kneadd in the folder of knead, as in a build or an installation. If it does not exist, return the
-// bare name, for which PATH is searched.
+// Return the path of the kneadd that is in the same folder as knead. Builds and installations have both programs in one
+// folder. If the folder has no kneadd, return the bare name, so that PATH is searched.
 static const char *find_kneadd(char path[PATH_MAX])
 {
     ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - sizeof "kneadd");

@@ -39,7 +39,7 @@ static int run(int argc, char **argv)
     for (const command *c = commands; c->name; c++) {
         if (strcmp(name, c->name)) continue;
         if (argc != 3 || strcmp(argv[2], "--version")) {
-            char why[200], full[32]; // full: name of the subcommand, with which getopt begins its messages
+            char why[200], full[32]; // full: "knead NAME", because getopt begins its messages with argv[0]
             snprintf(full, sizeof full, "knead %s", c->name);
             argv[1] = full;
             // Check first that enough files can be opened, because otherwise liblcm and libev hang or abort.

@@ -62,7 +62,8 @@ static const char help[] =
     "                   The default is a round tool because dough resists a fast plate like a wall\n"
     "  --hold TIME      press: time at the lowest point; sine: duration, e.g. '4 s' or 4 (default: 4 s)\n"
     "  --depth LENGTH   depth, e.g. '10 mm' (default: press 10 mm, sine 1 mm, poke 3 mm).\n"
-    "                   A press is measured from the top of the untouched block, other paths from the point of touch\n"
+    "                   The depth of a press is below the top of the untouched block, of other paths below the point "
+    "of touch\n"
     "  --speed SPEED    speed in the object, e.g. '1 cm/s' (default: press 1 cm/s, poke 5 cm/s)\n"
     "  --frequency F    frequency of the sine, e.g. '2 Hz' (default: 2 Hz)\n"
     "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
@@ -88,7 +89,7 @@ static const char help[] =
     "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
     "  --held           also render forces older than 5 ms, to study their effect.\n"
     "                   Without this option such forces are refused, as every device should do\n\n"
-    "Exit codes: 0 the path was played to its end; 1 as 0, but the device buzzed or gave the hand more than 10 mJ;\n"
+    "Exit codes: 0 the path was played to its end; 1 so, but the device buzzed or gave the hand more than 10 mJ;\n"
     "2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
 
 // Speed of the tool above which kneadd brakes the tool instead of following it, m/s: default of brake_m_s.
@@ -323,12 +324,14 @@ static int open_mesh(probe *p)
     if (!p->mesh_bus) return complain(KN_EXIT_DEVICE, p->error);
     kn_bus_client_hear(p->mesh_bus, "KNEAD_MESH_INIT", on_mesh, p);
     kn_bus_client_hear(p->mesh_bus, "KNEAD_MESH_UPDATE", on_mesh, p);
-    if (!look(p, -1)) return complain(KN_EXIT_DEVICE, "no mesh for 3 s; is --mesh-url kneadd's?");
+    if (!look(p, -1))
+        return complain(KN_EXIT_DEVICE, "no mesh for 3 s; does kneadd send its meshes to this --mesh-url?");
     int vertices = 0;
     p->top = kn_tool_height_top(&p->scene->model, &vertices);
     if (!p->top) return complain(KN_EXIT_INTERNAL, "out of memory");
     if (vertices == p->mesh.vertex_count) return KN_EXIT_OK;
-    return complain(KN_EXIT_DEVICE, "the mesh is not that of the scene; is --mesh-url that of the same kneadd?");
+    return complain(KN_EXIT_DEVICE,
+                    "the mesh does not belong to the scene; does --mesh-url belong to the same kneadd as --lcm-url?");
 }
 
 // Find the lowest point of the path by evaluating every millisecond of the path.
@@ -370,8 +373,8 @@ static kn_tool_path *generate(probe *p, bool again)
                 1e3 * ((1.0 - thinnest) * height_m - (press ? 0.0 : dent_m)));
         return NULL;
     }
-    // After a failed try the dent may be deeper than the goal. The path then gets a small least depth, so that its hold
-    // is still played.
+    // After a failed try the dent may be deeper than the goal. Then make the path at least shallowest_m deep, so that
+    // the hold is still played.
     if (again) shape.depth_m = fmax(shape.depth_m, shallowest_m);
     if (press && shape.depth_m < shallowest_m) {
         fprintf(stderr, "knead probe: the dent under the tool is %.1f mm deep already, expected a larger --depth\n",
@@ -379,7 +382,8 @@ static kn_tool_path *generate(probe *p, bool again)
         return NULL;
     }
     double uneven_m = shape.touch_z_m - lowest_touch_m;
-    // A flat tool on an uneven top first sinks until it touches everywhere.
+    // On an uneven top, a flat tool touches everywhere only after it has sunk a little. So the path begins with this
+    // sinking.
     if (press && uneven_m > even_m) shape.uneven_m = fmin(fmin(uneven_m, most_uneven_m), 0.5 * shape.depth_m);
     kn_tool_path *path = press                          ? kn_tool_path_press(&shape)
                          : !strcmp(p->opt.path, "sine") ? kn_tool_path_sine(&shape)
@@ -469,8 +473,8 @@ static int start(probe *p)
     return KN_EXIT_OK;
 }
 
-// Print why the force was taken to 0 N at trip n: by the device's own watchdog, because the device refused a force, or
-// by a fault that kneadd latched.
+// Print why the force was taken to 0 N at trip n. There are three reasons: the device refused a force, the device's own
+// watchdog tripped, or kneadd latched a fault.
 static void say_trip(probe *p, int n)
 {
     const kn_trip *t = &p->player.hand.trip[n];
@@ -549,7 +553,7 @@ static bool write_csv(const probe *p, const char *path, bool motors)
 static const char *why_unanswered(probe *p)
 {
     if (!look(p, p->mesh.tick)) return kn_bus_client_why("kneadd has ended");
-    return "kneadd serves, but takes no pose of this probe: another hand holds the tool, or kneadd's stderr says why";
+    return "kneadd is running, but accepts no pose of this probe: another hand holds the tool, or see kneadd's stderr";
 }
 
 // Report how the session ended. Return the exit code.

@@ -42,7 +42,8 @@ typedef struct watch {
     bool json, once, draws;
     char name[64];             // name of the tool that is shown; "": not known yet
     knead_touch_patch_t patch; // newest contact patch of the tool
-    // Numbers of patch messages received: in all; until the last picture was drawn; with a contact.
+    // heard: number of patch messages received. drawn: value of `heard` when the last picture was drawn. touched:
+    // number of patch messages that report contact.
     int64_t heard, drawn, touched;
     int64_t heard_ms, first_us;
     bool on_screen;

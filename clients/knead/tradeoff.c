@@ -92,7 +92,7 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
         memcpy(axes->count, counts, sizeof counts);
         axes->counts = 3;
     }
-    if (axes->tolerances == 0) axes->tolerances = 1; // default: one value, 0
+    if (axes->tolerances == 0) axes->tolerances = 1; // default of --tolerance: the single value 0
     s->plan.scene_path = s->opt.scene;
     s->plan.log_path = s->opt.log;
     s->plan.sets = s->opt.sets;
@@ -261,8 +261,8 @@ static void print_times(const sweep *s)
         several |= first && sitting != first;
         first = sitting;
     }
-    printf(
-        "times      processor time of a tick of the servo, one run at a time, for each tick the better of two rounds");
+    printf("times      processor time of a tick of the servo, one run at a time, for each tick the shorter time of two "
+           "rounds");
     if (several) printf("; NOT all measured in one session: compare with care");
     if (s->crew.unsteady > 0)
         printf("; %d of %d points took over 15 %% longer in one round than in the other: this machine is busy",
@@ -310,11 +310,11 @@ static void print_elsewhere(const sweep *s)
     char name[96];
     const kn_pareto_row *r = kn_pareto_front_elsewhere(&s->front, &s->plan, s->named);
     if (!r) return;
-    printf(
-        "no name    %s: p90 %.0f us, force %.3g %% in all, more accurate than the named points; a server cannot change "
-        "lattice, "
-        "step or precision:",
-        kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all);
+    printf("no name    %s: p90 %.0f us, total force error %.3g %%, more accurate than the named points; a server "
+           "cannot change "
+           "lattice, "
+           "step or precision:",
+           kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all);
     print_sets(s, r);
 }
 
@@ -386,7 +386,7 @@ static int try_files(const sweep *s)
     return code == KN_EXIT_OK && opt->write ? try_scene(&s->plan) : code;
 }
 
-// Plan the runs, replay them and report. The crew (the processes that replay) is closed in any case.
+// Plan the runs, replay them and report. Close the folder of the sweep (s->crew) in any case.
 static int run(sweep *s)
 {
     char error[512];

@@ -10,7 +10,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-// Move the source of each object to the time to draw, and make the object's still.
+// Step the recording of each object to the time that is drawn. Then store what the picture needs of each object
+// (kn_object_still).
 static int look(kn_view_panels *l, const kn_view_options *o, kn_view_extent *e)
 {
     int code = kn_view_panels_open(l, o);

@@ -82,8 +82,8 @@ static kn_haptic_loop_result on_lattice(const zwidth *z, const kn_haptic_loop_de
 {
     kn_lattice_object slab;
     char error[300];
-    // A failure to open the lattice counts as a buzz. Normally there is none, because load_scene has already opened
-    // this lattice with another coupling.
+    // A failure to open the lattice counts as a buzz. Such a failure is not expected, because load_scene has already
+    // opened this lattice with another coupling.
     if (!kn_lattice_object_open(&slab, z->scene, z->tool, &def->coupling, error, sizeof error))
         return (kn_haptic_loop_result){.buzzes = true};
     kn_haptic_loop_result result = kn_haptic_loop_run(def, kn_lattice_object_touch, &slab);

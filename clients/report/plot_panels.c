@@ -47,8 +47,9 @@ static extent measure(const kn_figure_panel *p)
     return e;
 }
 
-// Return the corner in which the legend hides the fewest points. Set *hidden to the sum over all series of the share of
-// points in that corner, so that each series counts equally, however dense its readings are.
+// Return the corner in which the legend hides the fewest points. Set *hidden to the sum, over all series, of the share
+// of a series' points that are in this corner. With shares each series has the same weight, however dense its readings
+// are.
 static const char *key_corner(const kn_figure_panel *p, const extent *e, double *hidden)
 {
     static const char *const names[2][2] = {{"bottom left", "bottom right"}, {"top left", "top right"}};
@@ -154,8 +155,8 @@ static void put_place(FILE *f, int column, int row, int wide, int high)
             (top - HIGH + FOOT) / high);
 }
 
-// Return the first panel that has too many names for a corner, or NULL. Its names form the legend below all panels, in
-// which they have equal colours.
+// Return the first panel that has too many names for a corner, or NULL. The names of this panel form the legend below
+// all panels, so a name must have the same colour in every panel.
 static const kn_figure_panel *legend_of(const kn_figure_panel *panel, int panels)
 {
     for (int i = 0; i < panels; i++)

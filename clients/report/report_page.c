@@ -165,8 +165,8 @@ const char *kn_document_file(const kn_document *d, const char *name, char path[P
     return path;
 }
 
-// Read width and height from a PNG's first chunk. The page states both, so that its layout does not move when the
-// picture has loaded.
+// Read width and height from a PNG's first chunk. The page states width and height, so that the layout does not move
+// when the picture has loaded.
 static bool size_of(const kn_document *d, const char *name, unsigned size[2])
 {
     char path[PATH_MAX];

@@ -50,7 +50,7 @@ bool kn_document_is_open(const kn_document *d);
 
 void kn_document_section(kn_document *d, const char *heading); // the first 24 sections are in the table of contents
 __attribute__((format(printf, 2, 3))) void kn_document_text(kn_document *d, const char *format, ...); // add a paragraph
-// Add a paragraph that states how far to trust a result. `mood` is shown by a word, not by colour alone.
+// Add a paragraph that states how far to trust a result. The page shows `mood` by a word, not by colour alone.
 __attribute__((format(printf, 3, 4))) void kn_document_verdict(kn_document *d, kn_document_mood mood,
                                                                const char *format, ...);
 
@@ -60,8 +60,8 @@ __attribute__((format(printf, 3, 4))) void kn_document_verdict(kn_document *d, k
 void kn_document_table(kn_document *d, const char *caption, const char *columns, const char *head);
 __attribute__((format(printf, 2, 3))) void kn_document_row(kn_document *d, const char *format, ...);
 
-// Write to `path`, of PATH_MAX bytes, the path of the file `name` in the report's folder, and return `path`. The path
-// is empty if no report is requested.
+// Write the path of the file `name` in the report's folder to `path`, which has PATH_MAX bytes, and return `path`. The
+// path is empty if no report is requested.
 const char *kn_document_file(const kn_document *d, const char *name, char path[PATH_MAX]);
 // Add the PNG file `name` of the report's folder. `alt` describes the picture for readers who cannot see it. `caption`
 // states what the picture means.
@@ -88,7 +88,7 @@ typedef struct kn_figure_series {
     // values owned by the caller; both arrays must stay valid until kn_figure_draw returns. A point is not drawn if a
     // value is not finite, or is not above 0 on a logarithmic axis.
     const double *x, *y;
-    double x_scale, y_scale; // factors on x and y; 0 counts as 1
+    double x_scale, y_scale; // factors on x and y; 0 means 1
     kn_figure_look look;
     int hue; // colour: number of a line type of plot.gp, from 1 on; the colours repeat after 8; 0: black
 } kn_figure_series;

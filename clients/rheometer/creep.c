@@ -1,5 +1,5 @@
-// knead creep: puts a weight on a specimen for a time and takes the weight off. This is the experiment of the first
-// paper, section 4.
+// knead creep: puts a weight on a specimen for a time, takes the weight off, and records height and recovery. This is
+// the experiment of the first paper, section 4.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/result.h"

@@ -11,7 +11,8 @@
 static const char usage[] =
     "usage: knead element EXPR          analyse an element of springs and dampers, with reasons\n"
     "       knead element --catalogue   list the eleven elements of the first paper's figure 2\n\n"
-    "EXPR connects springs s and dampers d in series (-) or in parallel (|). - binds tighter; parentheses group:\n"
+    "EXPR connects springs s and dampers d in series (-) or in parallel (|). The sign - binds tighter; parentheses "
+    "group:\n"
     "    knead element '(s|d)-d'       a spring beside a damper, in series with a damper: the papers' element\n"
     "    knead element 's-d|s'         the same as '(s-d)|s'\n"
     "    knead element burgers         an element by its name: burgers s-d-(s|d), jeffreys (s|d)-d, maxwell s-d,\n"
@@ -65,8 +66,8 @@ static void explain_residual(const kn_element *e, int node)
     printf("            %-12s %s", text, yes ? "yes, " : "no, ");
     if (g->kind == KN_ELEMENT_SPRING) printf("a spring recovers\n");
     else if (g->kind == KN_ELEMENT_DAMPER) printf("a damper keeps its deformation\n");
-    // In a series, one part with residual deformation decides the verdict. In a parallel group, one part without it
-    // does.
+    // A part either keeps a residual deformation or recovers. In a series, one part with residual deformation decides
+    // the verdict. In a parallel group, one part that recovers decides the verdict.
     else if (yes == (g->kind == KN_ELEMENT_SERIES)) {
         printf(yes ? "in series, one part with residual deformation is enough (Table 1a): "
                    : "in parallel, one part that recovers is enough (Table 1b): ");
@@ -85,7 +86,7 @@ static bool has_damper(const kn_element *e, int node) { return kn_element_count(
 // Print by which parts of the element the vibration rule decides whether a vibration decays.
 static void explain_vibration(const kn_element *e)
 {
-    // The vibration rule concerns the parts of a series. An element that is not a series counts as a series of one
+    // The vibration rule concerns the parts of a series. An element that is not a series is treated as a series of one
     // part.
     if (e->node[e->root].kind != KN_ELEMENT_SERIES) {
         printf("            the element is a single part, %s a damper\n", has_damper(e, e->root) ? "with" : "without");
@@ -149,7 +150,7 @@ static void print_impedance(const kn_oneport *o)
     // Print whether the element responds to a fast change like a spring or like a dashpot.
     printf("instant     %s\n",
            o->elastic ? "spring: Z stays finite for fast changes; a step of strain needs a finite stress"
-                      : "dashpot: Z grows with p; no step of strain is possible, and a fast probe feels c");
+                      : "dashpot: Z grows with p; no step of strain is possible, and a fast probe feels the damping c");
 }
 
 // Print the class of elements that have the same impedance, by its two canonical forms (Maxwell, Voigt).
@@ -169,7 +170,7 @@ static void print_class(const kn_oneport *o)
         if (kn_oneport_equal(o, &other)) snprintf(letters + at, sizeof letters - at, " %c", kn_catalogue[i].letter);
     }
     if (*letters)
-        printf("            in the paper's figure 2:%s; no experiment at the ends tells elements of a class apart\n",
+        printf("            in the paper's figure 2:%s; no experiment at the two ends tells these elements apart\n",
                letters);
 }
 
@@ -190,8 +191,8 @@ static void print_vibration(const kn_element *e, const kn_oneport *o)
     printf("vibration   ");
     if (!has_damper(e, e->root)) printf("a mass on the element swings for ever\n");
     else if (o->elastic)
-        printf("a mass on the element comes to rest, a light mass after ringing: the loss falls as 1/frequency\n");
-    else printf("a mass on the element comes to rest, a light mass without ringing: the dashpot brakes it\n");
+        printf("a mass on the element comes to rest; a light mass rings first, since the loss falls as 1/frequency\n");
+    else printf("a mass on the element comes to rest; a light mass does not ring, since the dashpot brakes it\n");
     if (other)
         printf("            the rule says \"%s\" here and \"%s\" of %s, the same one-port: "
                "the rule depends on the drawing\n",

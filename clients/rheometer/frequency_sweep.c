@@ -34,9 +34,9 @@ static const char *const columns[] = {"frequency_hz",  "storage_pa", "loss_pa", 
                                       "linear_strain", "harmonics",  NULL};
 
 // Return the largest strain of the whole specimen at which every damper keeps its viscosity at rest. A stress-dependent
-// damper keeps it until its stress exceeds p0. The strain of the specimen is then p0 divided by the damper's stress per
-// unit strain. Return the least of these strains, or infinity if no damper depends on the stress. `stress`: amplitude
-// of the stress in this part per unit strain of the whole specimen.
+// damper keeps this viscosity until its stress exceeds p0. The strain of the specimen is then p0 divided by the
+// damper's stress per unit strain. Return the least of these strains, or infinity if no damper depends on the stress.
+// `stress`: amplitude of the stress in this part per unit strain of the whole specimen.
 static double linear_strain(const kn_network *net, const double *moduli, double omega, int node, double stress)
 {
     const kn_element *e = &net->element;
@@ -84,7 +84,7 @@ static int swing_once(kn_rheometer *b, double hz, int period, double row[6])
         mean += b->stress_pa / SAMPLES;
         square += b->stress_pa * b->stress_pa / SAMPLES;
     }
-    // Compute the mean square of the stress without its mean, and the mean square of its fundamental alone.
+    // Compute the mean square of the stress without its mean, and the mean square of the fundamental of the stress.
     double all = square - mean * mean, fundamental = (sine * sine + cosine * cosine) / 2;
     row[1] = sine / b->opt->amplitude;
     row[2] = cosine / b->opt->amplitude;
@@ -93,7 +93,7 @@ static int swing_once(kn_rheometer *b, double hz, int period, double row[6])
 }
 
 // Strain the specimen until the fundamental of the stress repeats within 1e-5, for at most 500 periods. Set *repeats to
-// whether it has repeated.
+// true if the fundamental has repeated.
 static int measured(kn_rheometer *b, double hz, double row[6], bool *repeats)
 {
     enum { PERIODS = 500 };

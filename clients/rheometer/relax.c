@@ -80,7 +80,8 @@ static int relax(kn_rheometer *b, kn_table *t, reading *r)
     int code = press(b, t, &begin_s);
     *r = (reading){.peak_pa = b->stress_pa, .fallen_s = {NAN, NAN, NAN}};
     if (code == KN_EXIT_OK) code = kn_rheometer_strain(b, opt->strain, 0);
-    // The mass of the block swings for a few steps when the plate stops. Wait for ten steps before the hold is read.
+    // When the plate stops, the mass of the block swings for a few steps. So wait for ten steps before the first
+    // reading of the hold.
     if (b->model && code == KN_EXIT_OK) code = kn_rheometer_advance(b, b->time_s + 10 * b->model->def.solver.dt_s);
     r->begin_pa = b->stress_pa;
     add(t, b, begin_s);

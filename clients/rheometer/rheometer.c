@@ -36,8 +36,8 @@ static kn_scene *load_scene(const kn_rheometer_options *opt, bool *other, char e
 
 // ---- parameters of an expression
 
-// Read a quantity in the given unit. If `height` is true, a unit with one power of metre less is accepted, too. Such a
-// value is given per length of the specimen, so it is multiplied by the specimen's height.
+// Read a quantity in the given unit. If `height` is true, the value may also be per length of the specimen (one power
+// of metre less in the unit). A value per length is multiplied by the specimen's height.
 static bool read_part(const char *text, const char *unit_text, bool height, double *value, char why[160])
 {
     kn_unit unit;
@@ -177,7 +177,8 @@ static int build_lattice(kn_rheometer *b, const kn_model_def *scene)
     return b->lattice ? KN_EXIT_OK : kn_complain(opt->subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
-// Return the undeformed section S0 [m^2]: of the cube, or of the block of the lattice, which is as high as the cube.
+// Return the undeformed section S0 [m^2]. With --lattice it is the section of the block, which is as high as the cube;
+// otherwise it is the section of the cube.
 static double area_m2(const kn_rheometer *b)
 {
     const int *n = b->opt->lattice;
@@ -362,8 +363,8 @@ void kn_rheometer_print(const kn_rheometer *b)
     for (int i = 0; kn_element_leaf_name(&b->net.element, i, name); i++) {
         const kn_part *p = &b->net.part[i];
         printf("%s %s %.4g %s", i ? "," : "", name, p->modulus, name[0] == 's' ? "Pa" : "Pa s");
-        // Print the stress range of a stress-dependent damper, and the stroke of a damper with stops, if the part has
-        // them.
+        // Print two properties of a part, if the part has them: the stress range of a stress-dependent damper, and the
+        // stroke of a damper with stops.
         if (kn_part_thins(p))
             printf(" at zero stress (%.4g to %.4g Pa s)", kn_part_modulus(&b->net, i, 0),
                    kn_part_modulus(&b->net, i, p->p1_pa));

@@ -105,7 +105,7 @@ int kn_rheometer_main(const kn_experiment *experiment, kn_rheometer_options opt,
     "  --param P=VALUE   value of one part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \
     "                    s1='46 kPa' or '470 gf/cm^3' (per cm of the cube), d1='245 kPa*s' or '2500 gf s/cm^3', and\n" \
     "                    d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)', a damper of\n"             \
-    "                    alpha exp(-beta P) between the stresses P0 and P1, constant outside\n"
+    "                    alpha exp(-beta P) for stresses P between P0 and P1, constant outside this range\n"
 
 // Help text of --area, for creep, relax and tpa, whose stress depends on the section of the specimen.
 #define KN_RHEOMETER_AREA_HELP                                                                                         \

@@ -25,7 +25,7 @@ static const char help[] =
     "Adhesiveness is not modelled, since the plate does not stick and never pulls.\n\n"
     "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
     "    knead tpa jelly --strain 30%\n\n"
-    "  --strain S        depth of both bites, share of the height of the untouched specimen (default: 50 %)\n"
+    "  --strain S        depth of both bites, as a share of the height of the untouched specimen (default: 50 %)\n"
     "  --speed V         speed of the plate, down and up (default: 1 mm/s)\n"
     "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen\n"
     "                    (default: 5 s)\n"
@@ -76,16 +76,16 @@ static int let_go(plate *p)
     return kn_rheometer_load(p->b, 0);
 }
 
-// Return true if the contact of plate and specimen must end or begin now. The plate cannot pull, and it cannot pass
-// through the specimen.
+// Return true if contact of plate and specimen must end or begin now: the plate cannot pull, and it cannot pass through
+// the specimen.
 static bool changes(const plate *p)
 {
     if (p->touches) return p->b->stress_pa < 0;
     return p->rate_per_s > 0 && place(p, p->b->time_s) >= p->b->strain;
 }
 
-// Find the moment at which contact begins or ends by bisection. The moment lies between `before`, an earlier state of
-// the rheometer, and the present state. Leave the rheometer just after the moment.
+// Find by bisection the moment at which contact begins or ends. The moment lies between `before`, an earlier state of
+// the rheometer, and the present state. Leave the rheometer just after this moment.
 static int find_change(plate *p, const kn_rheometer *before)
 {
     double low = before->time_s, high = p->b->time_s;
@@ -110,13 +110,13 @@ static int go(plate *p, double until_s)
     int code = kn_rheometer_advance(b, until_s);
     bool change = code == KN_EXIT_OK && changes(p);
     if (change) code = find_change(p, &before);
-    // Add the area under the force over the way of the plate, by the trapezoidal rule.
+    // Add the work of the force over the last interval of the plate's way, by the trapezoidal rule.
     double way = KN_RHEOMETER_HEIGHT_M * fabs(p->rate_per_s);
     p->area_j += 0.5 * (force_n + fmax(b->force_n, 0)) * way * (b->time_s - before.time_s);
     if (change && code == KN_EXIT_OK) {
         code = p->touches ? let_go(p) : touch(p);
         add(p);
-        // Compute the rest of the interval in the new state of contact, which may change once more.
+        // After the change of contact, compute the rest of the interval. The contact may change once more in this rest.
         if (code == KN_EXIT_OK && until_s > b->time_s + 1e-9) return go(p, until_s);
     }
     return code;
@@ -159,7 +159,7 @@ static int take_bite(plate *p, int number, double wait_s, bite *r)
     snprintf(label, sizeof label, "%s bite", number == 1 ? "first" : "second");
     kn_table_series(p->t, label);
     int code = stroke(p, 0, rate, seconds);
-    // If the plate never touched the specimen, full depth counts as the place of the touch.
+    // If the plate never touched the specimen, take the full depth as the place of the touch.
     *r = (bite){.peak_n = p->peak_n, .down_j = p->area_j, .touched = p->touched < 0 ? opt->strain : p->touched};
     if (code == KN_EXIT_OK) code = stroke(p, opt->strain, -rate, seconds);
     r->up_j = p->area_j;

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double exact = 0.005; // possible error of the computed force, as a share of the largest measured force
+static const double exact = 0.005; // assumed error of the computed force, as a share of the largest measured force
 // LEAST: least number of readings of the force. AROUND: number of neighbours on either side with which a possible
 // outlier is compared. MIDDLE: number of neighbours on either side in a median. DENSE: in a series of at least this
 // many readings, a single high reading cannot be the true peak of a press.
@@ -42,7 +42,7 @@ static void fill_spans(kn_force_residual *p)
     }
 }
 
-// Keep the readings from the begin of the press to the end of the hold. Return false if a reading is not a number or
+// Keep the readings from the start of the press to the end of the hold. Return false if a reading is not a number or
 // the times do not rise.
 static bool keep(kn_force_residual *p, const kn_press *press, char *error, size_t error_size)
 {
@@ -77,9 +77,9 @@ static int around(const kn_force_residual *p, int reading, int reach, bool itsel
 }
 
 // Return whether a reading is an outlier: whether it differs from the median of its six neighbours by more than a
-// limit. The limit is the largest force plus four times the spread of the neighbours, taken without their highest and
-// lowest. In a series of fewer than DENSE readings, one reading may be the true peak of a press, so the limit contains
-// 20 times the largest force.
+// limit. The limit is the largest force plus four times the spread of the neighbours. The spread ignores the highest
+// and the lowest neighbour. In a series of fewer than DENSE readings, one reading may be the true peak of a press, so
+// the limit has 20 times the largest force in place of the largest force.
 static bool is_outlier(const kn_force_residual *p, int reading)
 {
     double sorted[2 * AROUND + 1];

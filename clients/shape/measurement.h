@@ -46,7 +46,7 @@ typedef struct kn_surface_residual {
     // ray_m: measured distance from the middle of the object to its edge, along each ray; ray_sigma_m: sigma of these
     // distances
     double ray_m[KN_SURFACE_RAYS], ray_sigma_m;
-    // false: the tool hides the edge on this ray, or the image's border cuts the ray off
+    // ray_counts: false if the tool hides the edge on this ray, or if the image's border cuts the ray off
     bool ray_counts[KN_SURFACE_RAYS];
     int rays; // number of rays that are compared with the model
     // side: number of pixels along each side of a patch; across, down: number of columns and of rows of the grid of
@@ -69,15 +69,15 @@ typedef struct kn_model_surface { // surface of a model; the struct owns both fi
     float (*rest_m)[3]; // [mesh->vertex_count] positions of the vertices at rest
 } kn_model_surface;
 
-// Prepare the comparison with a range image and take over `level`. The model's surface at rest serves to check that the
-// image can show this object. On failure free `level` and return false with one sentence in `error`, which does not
-// name the file.
+// Prepare the comparison with a range image and take ownership of `level`. The model's surface at rest serves to check
+// that the image can show this object. On failure free `level` and return false with one sentence in `error`, which
+// does not name the file.
 bool kn_surface_residual_image(kn_surface_residual *measured, const kn_range *frame, uint16_t *level,
                                const kn_model_surface *model, const kn_hidden_area *hidden, char *error,
                                size_t error_size);
 
-// Prepare the comparison with points and take over `point_m`. If there are more than KN_SURFACE_POINTS points, keep
-// every n-th point.
+// Prepare the comparison with points and take ownership of `point_m`. If there are more than KN_SURFACE_POINTS points,
+// keep every n-th point.
 #define KN_SURFACE_POINTS 2000
 bool kn_surface_residual_points(kn_surface_residual *measured, int count, double (*point_m)[3],
                                 const kn_model_surface *model, const kn_hidden_area *hidden, char *error,
@@ -159,7 +159,7 @@ typedef struct kn_measurement {
     double until_s; // time of the last measurement
 } kn_measurement;
 
-void kn_measurement_close(kn_measurement *measurement); // compute the fields readings and until_s
+void kn_measurement_close(kn_measurement *measurement); // compute the fields `readings` and `until_s`
 void kn_measurement_free(kn_measurement *measurement);
 
 // Compute residual[measurement->readings] of a model that was pressed. If measurement->align is true, fit the shift of

@@ -57,8 +57,9 @@ static int64_t begin_of_rise(const kn_press *p, int64_t tick)
     return tick;
 }
 
-// Find the end of the hold. The last tick near the lowest position may come about 0.1 s after the tool has begun to
-// leave, when the force has already vanished. So search backwards from this tick for the begin of the rise.
+// Find the end of the hold. Begin at the last tick at which the tool is near its lowest position. This tick may come
+// about 0.1 s after the tool has begun to leave, when the force has already vanished. So search backwards from this
+// tick for the start of the rise.
 static void find_hold(kn_press *p)
 {
     double lowest_m = INFINITY;
@@ -76,8 +77,8 @@ static void find_hold(kn_press *p)
 
 // ---- press along the path of the first paper
 
-// Return the probe of this name. Without a name, return the first plate, or else the first probe. If there is none,
-// write an error to `error` and return -1.
+// Return the probe of this name. Without a name, return the first plate; if there is no plate, return the first probe.
+// If there is no such probe, write an error to `error` and return -1.
 static int choose_probe(const kn_model_def *def, const char *name, char *error, size_t error_size)
 {
     for (int i = 0; i < def->probe_count; i++)
@@ -162,7 +163,7 @@ typedef struct listener {
     kn_backend own; // the original backend of the replay, to which the listener passes every call on
     kn_press *press;
     int64_t room;
-    bool short_of_memory; // memory ran out, or the log is longer than an hour
+    bool short_of_memory; // true: memory ran out, or the log is longer than an hour
 } listener;
 
 static bool grow(listener *l)
@@ -247,8 +248,7 @@ static bool listen(kn_replay *r, listener *l)
 bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
                   size_t error_size)
 {
-    // With `afresh`, the replay accepts a log only if there is at least one setting. The setting quality=own changes no
-    // pose.
+    // A replay with `afresh` needs at least one setting, so set quality=own, which changes no pose.
     const char *const set = "quality=own";
     *p = (kn_press){.probes = scene->model.probe_count, .probe = -1};
     if (def->probe && (p->probe = choose_probe(&scene->model, def->probe, error, error_size)) < 0) return false;

@@ -22,13 +22,14 @@ typedef struct kn_press {
     double *time_s;        // [ticks] time at the end of each tick; the times rise
     kn_probe_input *input; // [ticks * probes] poses and velocities of all probes, tick by tick
     double *logged_n;      // [ticks] contact force from the log, upwards; NAN: not in the log; NULL: there is no log
-    double hold_end_s;     // time at which the tool begins to rise from its lowest position, which is known to 0.1 mm
-    double end_s;          // time of the last tick
+    // time at which the tool begins to rise from its lowest position; positions within 0.1 mm count as the lowest
+    double hold_end_s;
+    double end_s; // time of the last tick
 } kn_press;
 
 typedef struct kn_press_def { // definition of a press; a field of 0 means its default
-    // name of the pressing probe; NULL: the scene's first plate, or else the scene's first probe; with a log, the first
-    // probe that touches the object
+    // name of the pressing probe. NULL: without a log, the scene's first plate, or its first probe if there is no
+    // plate; with a log, the first probe that touches the object
     const char *probe;
     double depth_m;   // depth of the press below the top; default 10 mm
     double speed_m_s; // speed of the tool; default 10 mm/s

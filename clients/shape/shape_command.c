@@ -26,8 +26,8 @@ typedef struct named {
     const char *option, *path;
 } named;
 
-// Return whether a word in a scene names an existing file (a material, a device or a mesh) that is this output. A word
-// without a dot or a slash is a built-in name.
+// Return whether a word in a scene is the path of this output, and the output exists as a file (a material, a device or
+// a mesh). A word without a dot or a slash is a built-in name.
 static bool is_output(const char *folder, int folder_length, const char *word, const char *output)
 {
     char path[2 * PATH_MAX];
@@ -37,7 +37,8 @@ static bool is_output(const char *folder, int folder_length, const char *word, c
     return stat(path, &there) == 0 && S_ISREG(there.st_mode) && kn_output_same(path, output);
 }
 
-// Return whether a YAML file, or else a YAML text, names this output. Only the part that can be parsed is searched.
+// Return whether a YAML file names this output. If `file` is NULL, search the YAML text `text`. Only the part that can
+// be parsed is searched.
 static bool names(FILE *file, const char *text, const char *folder, int folder_length, const char *output)
 {
     yaml_parser_t parser;
@@ -132,7 +133,7 @@ static void advance(void *of, int64_t ticks)
     fit_queue *q = of;
     pthread_mutex_lock(&q->lock);
     q->done += (double)ticks;
-    // the fits need more presses than expected, so increase the expected total
+    // the fits need more presses than expected, so raise the expected total
     if (q->done > 0.95 * q->total) q->total = q->done / 0.95;
     q->bar.total = q->total;
     kn_progress_step(&q->bar, q->done);
@@ -231,8 +232,8 @@ static int press_finer(const kn_shape_options *o, const kn_measurement *m, const
     return code;
 }
 
-// Check before the fits for errors that would otherwise appear only after the fits. Candidates of blocks come first in
-// the list, so the first candidate is a mesh only if all are.
+// Check before the fits for errors that would otherwise appear only after the fits. Blocks come first in the list of
+// candidates, so if the first candidate is a mesh, all candidates are meshes.
 static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate)
 {
     if (candidate[0].scene->model.thickness_m > 0)

@@ -7,7 +7,7 @@
 
 // ---- the options (shape_options.c)
 
-// Value of kn_shape_options.at_s that means the end of the hold. The value INFINITY means the end of the press.
+// Value of kn_shape_options.at_s that stands for the end of the hold. INFINITY stands for the end of the press.
 #define KN_SHAPE_HOLD (-INFINITY)
 
 typedef struct kn_shape_options { // all paths are pointers into argv

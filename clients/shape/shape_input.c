@@ -12,7 +12,7 @@
 #include <string.h>
 
 static const char me[] = "identify shape";
-// width of the margin around the outline of the tool that counts as hidden, too
+// width of the margin around the outline of the tool; the margin is treated as hidden, too
 static const double beside_m = 1e-3;
 
 // ---- the area hidden by the tool
@@ -146,8 +146,8 @@ static int take_points(kn_measurement *m, const kn_shape_options *o, const kn_ca
 // ---- measured force
 
 // Rank how likely a column is the force of the press. Highest: contact_fz_n of Knead's own tables; next: a column
-// called force or load; next: a name that contains either word; lowest: any other column in a unit of force. Return 0
-// without a unit of force.
+// called force or load; next: a column whose name contains one of these words; lowest: any other column in a unit of
+// force. Return 0 without a unit of force.
 static int rank_of(const kn_heading *h)
 {
     if (!h->has_unit || !kn_column_unit_is(&h->unit, "N")) return 0;
@@ -156,8 +156,8 @@ static int rank_of(const kn_heading *h)
     return strstr(h->word, "force") || strstr(h->word, "load") ? 2 : 1;
 }
 
-// Return the column of the force. On an error print the error and return -1. If several columns have the same rank, the
-// intended one is unknown, since the z axis of a sensor may have any direction.
+// Return the column of the force. On an error print the error and return -1. It is an error if several columns have the
+// highest rank: the force along z cannot be chosen by its name, since the z axis of a sensor may have any direction.
 static int force_of(const kn_table_reader *s)
 {
     char names[300] = "";

@@ -130,8 +130,8 @@ void kn_shape_print(const kn_measurement *m, const kn_candidate *c, int count, c
 
 void kn_shape_print_finer(const kn_measurement *m, const kn_candidate *best, const kn_candidate *finer)
 {
-    // Compare the residuals with those of the coarser cells. Their change is the part of the misfit that comes from the
-    // lattice.
+    // Compare the residuals with those of the coarser cells. The change of the residuals is the part of the misfit that
+    // comes from the lattice.
     const double off = sqrt(finer->sum / m->readings), was = sqrt(best->sum / m->readings);
     double sum = 0;
     putchar('\n');
@@ -163,7 +163,7 @@ void kn_shape_print_finer(const kn_measurement *m, const kn_candidate *best, con
 
 // ---- the plot of --png
 
-// width and height of the plot [pixels]; largest number of heights drawn along one axis of a map
+// WIDE, HIGH: width and height of the plot [pixels]; ACROSS: largest number of heights drawn along one axis of a map
 enum { WIDE = 1180, HIGH = 900, ACROSS = 200 };
 
 // Write one map of heights, or of the difference a - b, thinned to about ACROSS heights along each axis.

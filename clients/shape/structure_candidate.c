@@ -22,7 +22,7 @@ static const double area_low = 0.2, area_high = 5; // limits of the factor on ga
 typedef struct kind {
     const char *name, *words;
     bool mesh, gas;
-    // stiffness of the diagonals; NULL: the scene's stiffness, or 1 if that stiffness is below `weak`
+    // stiffness of the diagonals; NULL: the stiffness in the scene, or 1 if the stiffness in the scene is below `weak`
     const char *stiffness;
 } kind;
 
@@ -42,7 +42,7 @@ static bool is_first(const char *list, const char *name)
 // Return the rest of a list after its first name, or NULL.
 static const char *rest_of(const char *list) { return strchr(list, ',') ? strchr(list, ',') + 1 : NULL; }
 
-// Return whether the name is in the list `only`, or the list is absent.
+// Return whether the name is in the list `only`. Without a list (NULL), return true.
 static bool is_wanted(const char *only, const char *name)
 {
     for (const char *at = only; at; at = rest_of(at))
@@ -150,8 +150,8 @@ void kn_candidate_free(kn_candidate *c)
     memset(c, 0, sizeof *c);
 }
 
-// Check that mesh and object have similar extents; both are centred in the scene. Without this check, a mesh of a wrong
-// object would be fitted without an error.
+// Check that mesh and object have similar extents. Their places need no check, since both are centred in the scene.
+// Without this check, a mesh of a wrong object would be fitted without an error.
 static bool is_same_object(const kn_candidate *c, const kn_scene *base, const kn_candidate_def *def, char *error,
                            size_t error_size)
 {
@@ -368,7 +368,7 @@ bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *c, const kn_can
 // ---- the verdict on the candidates
 
 // Return the AICc of a candidate for a number of independent readings. A sum of squares below the number of residuals
-// is raised to that number, since a misfit below the noise supports no candidate.
+// is raised to that number, since a misfit below the noise is no argument for a candidate.
 static double aicc(const kn_candidate *c, int readings, double independent)
 {
     const int n = (int)fmax(independent, c->unknowns + 3);
@@ -384,7 +384,7 @@ static void judge(kn_structure_verdict *v, int count, const kn_candidate *c, int
     for (int i = 0; i < count; i++) {
         v->off[i] = c[i].found ? sqrt(c[i].sum / readings) : (double)INFINITY;
         v->delta[i] = c[i].found ? aicc(&c[i], readings, independent) : (double)INFINITY;
-        // A candidate whose fit removed the gas cannot be the best, unless no other candidate has a solution.
+        // A candidate whose fit removed the gas can be the best only if no other candidate has a solution.
         if (!c[i].found || c[i].no_gas_left || !(v->delta[i] < least)) continue;
         least = v->delta[i];
         v->best = i;
@@ -397,7 +397,8 @@ static void judge(kn_structure_verdict *v, int count, const kn_candidate *c, int
     for (int i = 0; i < count && v->best >= 0 && !v->explained; i++)
         if (c[i].found && c[i].no_gas_left == c[v->best].no_gas_left && v->off[i] < v->off[v->best]) v->best = i;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_STRUCTURE_VERDICT_OFF;
-    // The rival is the candidate other than the best that is nearest to the best and cannot be excluded.
+    // The rival is the nearest of the other candidates that cannot be excluded. A candidate whose fit removed the gas
+    // is no rival.
     for (int i = 0; i < count && v->best >= 0; i++) {
         const bool near = v->explained ? v->delta[i] < KN_STRUCTURE_VERDICT_APART
                                        : v->off[i] < KN_STRUCTURE_VERDICT_NEAR * v->off[v->best];
@@ -443,7 +444,8 @@ static void tell(kn_structure_verdict *v, int count, const kn_candidate *c, cons
             best->name, v->off[v->best]);
         if (m->surfaces > 0) add(v, ", %.2g mm of the shape", 1e3 * best->misfit[0].height_m);
         if (m->has_force) add(v, ", %.2g %% of the force", 100 * best->force_share);
-        add(v, ": use its parameters as the nearest ones; the material, the lattice or the set-up differs as well.");
+        add(v,
+            ": its parameters are only an approximation, since the material, the lattice or the set-up differs, too.");
     }
     if (v->rival >= 0) tell_rival(v, c);
     for (int i = 0; i < count; i++)
@@ -459,7 +461,7 @@ void kn_structure_verdict_make(kn_structure_verdict *v, int count, const kn_cand
     *v = (kn_structure_verdict){.best = -1, .rival = -1};
     judge(v, count, candidate, measurement->readings);
     if (v->best < 0) {
-        add(v, "No structure can be pressed as the specimen was: %s", candidate[0].why);
+        add(v, "No structure can be pressed in the way the specimen was pressed: %s", candidate[0].why);
         return;
     }
     tell(v, count, candidate, measurement);

@@ -80,8 +80,9 @@ void kn_candidate_free(kn_candidate *candidate);
 // Return the model definition of the candidate's scene with the given inside pressure P0 and the given factor on gamma.
 kn_model_def kn_candidate_model(const kn_candidate *candidate, double pressure_pa, double area_factor);
 
-// Fit one candidate to the measurement. Several threads may fit different candidates at once. The fit calls `told` with
-// `of` and the number of simulated ticks since the last call. Return false if memory runs out.
+// Fit one candidate to the measurement. Several threads may fit different candidates at once. The fit reports its
+// progress by calls of `told`. The arguments are `of` and the number of ticks that were simulated since the last call.
+// Return false if memory runs out.
 bool kn_candidate_fit(kn_candidate *candidate, const kn_measurement *measurement, void (*told)(void *of, int64_t ticks),
                       void *of);
 

@@ -85,8 +85,8 @@ static bool at_border(const kn_surface_residual *r, double x_m, double y_m)
     return column < 0.6 || row < 0.6 || column > f->width - 1.6 || row > f->height - 1.6;
 }
 
-// Measure the outline along all rays. A ray counts only if none of its subrays ends at the tool or at the border of the
-// image, or finds no edge.
+// Measure the outline along all rays. A ray counts only if each of its subrays finds an edge, and no subray ends at the
+// tool or at the border of the image.
 static void find_outline(kn_surface_residual *r, const kn_hidden_area *hidden)
 {
     const double far_m = hypot(r->frame.width, r->frame.height) * r->frame.pixel_m;
@@ -109,8 +109,8 @@ static void find_outline(kn_surface_residual *r, const kn_hidden_area *hidden)
 
 // ---- the patches of an image
 
-// Choose the pixels whose height is compared: seen, not hidden, and inside the outline by at least a thirtieth of the
-// height.
+// Choose the pixels whose height is compared: visible, not hidden by the tool, and inside the outline by at least two
+// pixels and at least a thirtieth of the object's height.
 static void choose_pixels(kn_surface_residual *r, const kn_hidden_area *hidden)
 {
     const double margin_m = fmax(2 * r->frame.pixel_m, r->tall_m / 30);
@@ -266,8 +266,8 @@ static void to_side(const double p[3], const double a[3], const double b[3], dou
     for (int k = 0; k < 3; k++) near[k] = a[k] + share * along[k];
 }
 
-// Find the point of a triangle that is nearest to p: the foot of p on the triangle's plane if the foot is inside, or
-// else the nearest point of the sides. `normal` need not have the length 1.
+// Find the point of a triangle that is nearest to p. If the foot of p on the triangle's plane is inside the triangle,
+// this is the foot; otherwise it is the nearest point of the sides. `normal` need not have the length 1.
 static void to_triangle(const double p[3], const double corner[3][3], const double normal[3], double near[3])
 {
     double from[3], foot[3], best = INFINITY;
@@ -321,8 +321,8 @@ typedef struct outline {
     double reach_m[ALL_RAYS];
 } outline;
 
-// Extend the rays that cross the edge from `a` to `b` of a triangle. Their angles lie between the angles of the two
-// ends of the edge.
+// Extend the rays that cross the edge from `a` to `b` of a triangle, so that each reaches at least to this edge. The
+// angle of such a ray lies between the angles of the two ends of the edge.
 static void sweep(outline *o, const float a[3], const float b[3])
 {
     double p[2] = {a[0] - o->centre_m[0], a[1] - o->centre_m[1]}, q[2] = {b[0] - o->centre_m[0], b[1] - o->centre_m[1]};

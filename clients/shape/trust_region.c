@@ -10,7 +10,7 @@ static const double first_trust = 0.8, most_trust = 1.6;
 // logarithm of an unknown
 static const double secant = 0.2, short_secant = 0.3;
 // distances between evaluations, in the logarithm of an unknown. settled: a shorter step ends the search; near:
-// evaluations closer than this count as one; far: larger than any distance
+// evaluations closer than this are treated as one; far: larger than any distance
 static const double settled = 0.005, near = 1e-3, far = 1e9;
 // the search ends if the next step is shorter than `secant` and its predicted decrease is below this share of the sum
 // of squares
@@ -154,8 +154,9 @@ static bool evaluate_beside(kn_trust_region *s, int unknown)
 }
 
 // Evaluate the model beside the best place until there are neighbours in all directions within the distance `reach`.
-// With two unknowns, consider the line to the nearest neighbour. If this neighbour is within reach, vary the unknown
-// across the line, otherwise the unknown along the line. Return false if no further evaluation is possible.
+// With two unknowns, the line to the nearest neighbour runs mostly along one of them. If this neighbour is within
+// reach, vary the other unknown; otherwise vary the unknown along the line. Return false if no further evaluation is
+// possible.
 static bool evaluate_around(kn_trust_region *s, double reach)
 {
     int number[KN_TRUST_UNKNOWNS];
@@ -193,8 +194,8 @@ static bool step(kn_trust_region *s, double *trust)
         to[k] = log(fit.unknown[k].value);
         way = fmax(way, fabs(to[k] - s->evaluation[s->best].at[k]));
     }
-    // The search ends if the step or the predicted decrease of the sum is too small, unless the secants are too long to
-    // be trusted.
+    // The search ends if the next step is shorter than `settled`, or if the step is shorter than `secant` and its
+    // predicted decrease of the sum is too small. If the secants are too long to be trusted, the search goes on.
     const double least = before > far_off * s->readings ? promise_far : promise;
     if (way < settled || (way < secant && before - fit.sum < least * before)) {
         const int before_count = s->evaluations;
@@ -206,8 +207,8 @@ static bool step(kn_trust_region *s, double *trust)
     }
     const int next = evaluate(s, to);
     if (next < 0) return false;
-    // The trust region grows if the actual decrease is more than 3/4 of the predicted one, and shrinks if it is less
-    // than 1/4.
+    // The trust region grows if the actual decrease is more than 3/4 of the predicted one, and shrinks if the actual
+    // decrease is less than 1/4 of it.
     const double kept = (before - s->evaluation[next].sum) / fmax(before - fit.sum, 1e-300);
     if (!(kept > 0.25)) *trust = 0.4 * way;
     else if (kept > 0.75) *trust = fmin(2 * fmax(*trust, way), most_trust);

@@ -7,8 +7,8 @@
 // slopes come from the nearest evaluations in different directions (secants). kn_fit minimises this linear model within
 // a trust region, and the model is evaluated there next. The region grows or shrinks with the ratio of the actual to
 // the predicted decrease of the sum of squares. The search ends when the next step is below half a percent, or when the
-// predicted decrease is below a thousandth of the sum of squares (a hundredth if the model is far from the data). The
-// search continues while the secants are too long to be trusted.
+// next step is below 20 % and its predicted decrease is below a thousandth of the sum of squares (a hundredth if the
+// model is far from the data). The search continues while the secants are too long to be trusted.
 //
 // The slopes come from secants over 20 % of an unknown, not from kn_fit's own step of 1e-5 of a logarithm. The reason
 // is that a press is computed in single precision with a solver tolerance of 0.001, so its residuals are not smooth in
@@ -30,7 +30,8 @@ typedef struct kn_trust_region {
     int starts; // number of starts; the model is evaluated at each, and the search continues from the best start
     double start[6][KN_TRUST_UNKNOWNS];
     int readings;
-    // Callback: compute residual[readings]. Return false if the model has no solution for these values.
+    // Callback: compute residual[readings] for the given values of the unknowns. Return false if the model has no
+    // solution for these values.
     bool (*misfit)(void *of, const double value[KN_TRUST_UNKNOWNS], double *residual);
     void *of;
     // The next fields are results of the search.

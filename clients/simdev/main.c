@@ -25,7 +25,7 @@ static void help(void)
          "Print the URI by which a host reaches the circuit, run until SIGTERM or SIGINT, then print the counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
-         "  --link PATH       symbolic link to the terminal, which stays when the device is unplugged or restarted\n"
+         "  --link PATH       symbolic link to the terminal; PATH stays the same after an unplug or a restart\n"
          "  --bar NAME        act as the memory of a PCI card, in /dev/shm/NAME\n"
          "  --engine NAME     golden or rtl (default: golden).\n"
          "                    golden computes the lattice in integers, in real time.\n"

@@ -19,12 +19,13 @@ typedef struct line {
     char name[64]; // path of the pseudo-terminal's slave side, which hosts open
     int fd, keep;  // fd: master side; keep: slave side, kept open so that the master gets no hang-up when a host leaves
     kn_framer framer; // decoder of frames, used if the engine has no link of its own
-    // Bytes of the present frame; bytes without the end of a frame within this size are noise.
+    // Bytes of the present frame. If this array fills up without the end of a frame (0x00), its bytes are noise.
     uint8_t frame[2 * KN_FRAMER_WIRE];
-    size_t size;           // bytes of frame
-    bool reacted;          // true: the fault `torn` has already struck the present request
-    bool refuses;          // true: the fault `refuse` strikes the present request
-    int64_t in_ns, out_ns; // time at which the last byte has passed the line, received and sent, ns
+    size_t size;  // bytes of frame
+    bool reacted; // true: the fault `torn` has already struck the present request
+    bool refuses; // true: the fault `refuse` strikes the present request
+    // Times when the line is free again. in_ns: for bytes from the host; out_ns: for bytes to the host.
+    int64_t in_ns, out_ns;
 } line;
 
 // Create the symbolic link of --link to this pseudo-terminal. An existing symbolic link is replaced. Any other file

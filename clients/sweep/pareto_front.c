@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// If the errors of all points exceed the bounds of a name, points up to this factor times the least excess are
-// accepted.
+// If no point is within the bounds of a name, accept the points whose excess (kn_pareto_front_excess) is at most this
+// factor times the least excess.
 #define SLACK 1.1
 
 const kn_pareto_bound kn_pareto_front_bounds[KN_QUALITY_OWN] = {
@@ -167,7 +167,7 @@ static bool is_candidate(const kn_pareto_row *r, const kn_sweep_plan *plan)
            (run->spacing_m == 0 || run->spacing_m == def->spacing_m);
 }
 
-// Return true if point `a` needs less work than point `b` by the count that the server uses.
+// Return true if point `a` needs less work than point `b`, as the server compares them (kn_servo_cheaper).
 static bool is_less_work(const kn_pareto_row *a, const kn_pareto_row *b)
 {
     kn_effort x = effort_of(a->run), y = effort_of(b->run);
@@ -196,8 +196,8 @@ static bool is_simpler(const kn_pareto_row *a, const kn_pareto_row *b, const kn_
     return own_a != own_b ? own_a : a->force.solver < b->force.solver;
 }
 
-// Limits for the choice of a named point. It must need more work than `below` and have a smaller error. It must need
-// less work than `above`. NULL: no limit.
+// Limits for the choice of a named point. The chosen point must need more work than the point `below` and have a
+// smaller error. It must need less work than the point `above`. NULL: no limit.
 typedef struct between {
     const kn_pareto_row *below, *above;
 } between;
@@ -458,7 +458,7 @@ typedef struct panel {
 
 static const panel panels[] = {{"contact force: error of the solver", .named = true},
                                {"residual shape: error of the solver", .shape = true, .named = true},
-                               {"contact force: with step and lattice", .all = true}};
+                               {"contact force: error of solver, step and lattice", .all = true}};
 enum { PANELS = sizeof panels / sizeof *panels };
 
 typedef struct picture {

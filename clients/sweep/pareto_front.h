@@ -29,15 +29,18 @@ typedef struct kn_pareto_row {
     kn_pareto_errors force, shape;
     // Difference of the peak force from the reference, relative to the peak of the reference.
     double peak;
-    // Delay of the force, s, and depth of the dent, m, minus those of the reference; positive: later, deeper.
+    // lag_s: delay of the force behind that of the reference, s. depth_m: depth of the dent minus its depth in the
+    // reference, m.
     double lag_s, depth_m;
-    // Largest change of the force in one tick, N per ms: in the point, in its reference, and in the reference SAME.
+    // Largest change of the force in one tick, N per ms. jump_n: of the point. reference_jump_n: of its reference.
+    // same_jump_n: of its reference SAME.
     double jump_n, reference_jump_n, same_jump_n;
-    // Total variation of the force over time, of the point and of its reference, divided by the reference's peak force.
+    // Total variation of the force over time, divided by the peak force of the reference. variation: of the point.
+    // reference_variation: of the reference.
     double variation, reference_variation;
     // chatters: see KN_PARETO_CHATTER; latched: the replay had more faults than the reference, or diverged.
     bool chatters, latched;
-    // True: the point is on the Pareto front of the force error, of the shape error.
+    // front: the point is on the Pareto front of the force error. shape_front: it is on that of the shape error.
     bool front, shape_front;
 } kn_pareto_row;
 

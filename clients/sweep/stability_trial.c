@@ -9,8 +9,8 @@
 #define ERROR_MAX                                                                                                      \
     0.05 // bound of the force error and the shape error, smaller than a hand can feel; see stability_trial.h
 #define ERROR_MOST 0.07 // largest bound of the errors if the time-step error is above ERROR_MAX
-// Bounds of two verdicts, both relative to the reference: total variation above which a result is chattering, force
-// above which a result has diverged.
+// Bounds of two verdicts, as multiples of the value of the reference. VARIATION_MAX: a result with a larger total
+// variation is chattering. BLOWN_UP: a result with a larger force has diverged.
 #define VARIATION_MAX 1.5
 #define BLOWN_UP 100.0
 #define SPEED_MAX 0.03 // largest speed of the hand, m/s
@@ -305,8 +305,8 @@ static kn_score judge(const trace *x, const trace *ref, const trace *finer, doub
 }
 
 // Return the bound of the force error and the shape error. An explicit method does not share the time-step error of the
-// reference R(dt). This error is about twice the difference between R(dt) and R(dt/2), so it is added to the bound of an
-// explicit method.
+// reference R(dt). So this error is added to the bound of an explicit method. The error is about twice the difference
+// between R(dt) and R(dt/2).
 static double bound_of(kn_way way, double step_error)
 {
     if (way == KN_WAY_RK4) return ERROR_MAX + 2 * step_error;

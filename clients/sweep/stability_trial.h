@@ -105,7 +105,8 @@ void kn_stability_trial_free(kn_stability_trial *trial);
 typedef struct kn_stability_map {
     const char *family;
     char title[80];
-    // Parameter that changes from column to column, and parameter that changes from row to row.
+    // across: name of the parameter that changes from column to column. down: name of the parameter that changes from
+    // row to row.
     const char *across, *down;
     int columns, rows;
     double x[KN_STABILITY_MAP_SIDE], y[KN_STABILITY_MAP_SIDE];

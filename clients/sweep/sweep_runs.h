@@ -56,8 +56,8 @@ typedef struct kn_sweep_runs {
     uint64_t program;
     int64_t sitting; // wall-clock time at the start of this serial pass, ns; identifies the pass
     int kept;        // number of runs whose traces an earlier call has left in the folder
-    // Number of points that were timed twice in this serial pass, and number of those whose two times differ by more
-    // than 15 %.
+    // timed: number of points that were timed twice in this serial pass. unsteady: number of those points whose two
+    // times differ by more than 15 %.
     int timed, unsteady;
 } kn_sweep_runs;
 

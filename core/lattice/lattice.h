@@ -79,7 +79,7 @@ double kn_skin_area(const kn_model *model, const int node[3]);
 #define KN_COMPOSITE_PARTS 7
 
 typedef struct kn_tie { // a node that follows the mean of its masters
-    size_t node;        // offset of its x component in a 3-component field
+    size_t node;        // offset of the tied node's x component in a 3-component field
     size_t master[4];   // offsets of the masters' x components
     int count;          // number of masters: 1, 2 or 4
 } kn_tie;

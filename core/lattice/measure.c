@@ -122,8 +122,8 @@ const kn_measure_name kn_measure_names[KN_MEASURES] = {
 // zz yz xz xy.
 typedef struct share {
     double weight;     // sum of V_e
-    double fit[6][6];  // Cholesky factor of the normal equations for S; depends on the directions at rest only
-    double against[6]; // right side of the normal equations for S in the state that is read
+    double fit[6][6];  // Cholesky factor of the normal equations for the tensor S; the same in every state
+    double against[6]; // right side of the normal equations for the tensor S, in the state that is read
     double square;     // sum of V_e r_e^2 in the state that is read
 } share;
 
@@ -466,7 +466,7 @@ static double in_contact(const kn_state *state)
             side[k] = s->force_n[k] - s->pressing_n * s->normal[k];
             square += side[k] * side[k];
         }
-        // a foundation layer that gets stiffer with depth stores less than this
+        // upper bound: a foundation layer that gets stiffer with depth stores less than half of force times deflection
         most += 0.5 * (pressing * pressing + square) / s->foundation_n_m;
     }
     return most;

@@ -155,8 +155,8 @@ static void facet_area(const kn_model *m, const facet *f, double area_m2[3])
     for (int k = 0; k < 3; k++) area_m2[k] *= 0.5;
 }
 
-// Least cosine of the angle between a facet's outward normal and the vertical with which the facet belongs to the top.
-// Plates press the top.
+// A facet belongs to the top, which plates press, if its outward normal is within 60 degrees of the z axis. This
+// number is the cosine of that angle.
 #define TOP_COSINE 0.5
 
 // List the nodes of the top with their shares in a load. A node's share is proportional to the horizontal area of its
@@ -424,7 +424,8 @@ static double stretch(bench *b)
         memset(centre, 0, sizeof centre);
         mean = 0;
         for (int i = 0; i < nodes; i++) {
-            // far: a node's distance from the map before, relative to three times the mean distance; 0 in round 0
+            // far: distance of a node from the map of the last round, divided by three times the mean distance; 0 at
+            // first
             double far = b->q[i] / (3 * scale);
             sum += weight[i] = 1 / (1 + far * far);
         }
@@ -433,7 +434,7 @@ static double stretch(bench *b)
             for (int c = 0; c < 3; c++) centre[c] += weight[i] / sum * b->s->x_m[i][c];
             mean += weight[i] / sum * b->moved[3 * i + 2];
         }
-        // normal equations of the slope
+        // add up the normal equations for the slope of the linear map
         for (int i = 0; i < nodes; i++)
             for (int c = 0; c < 3; c++) {
                 y[c] += weight[i] * at(b, centre, i, c) * (b->moved[3 * i + 2] - mean);
@@ -679,7 +680,7 @@ const char *kn_net_build(kn_model *m)
         m->row_count = s->node_count;
         m->stride = 1;
         m->edge_reals = (size_t)(m->edge_count + KN_LANES - 1) / KN_LANES * KN_LANES;
-        // nodes first, because support, top and fit need the nodes
+        // make the nodes first, because support, top and fit need them
         for (int i = 0; i < s->node_count; i++) m->offset[i] = 3 * (size_t)i;
         memcpy(m->rest_m, s->x_m, (size_t)s->node_count * sizeof *m->rest_m);
         build_masses(m);

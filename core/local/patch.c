@@ -76,7 +76,7 @@ static bool list_neighbours(kn_patches *s)
     }
     s->near = malloc((size_t)sum * sizeof *s->near + 1);
     if (!s->near || sum == 0) return false;
-    link_all(s); // fill; afterwards first[i] is where the neighbours of node i + 1 begin
+    link_all(s); // fill the array; afterwards first[i] is where the neighbours of node i + 1 begin
     // shift the entries of `first` by one, so that first[i] belongs to node i again
     for (int i = nodes; i > 0; i--) s->first[i] = s->first[i - 1];
     s->first[0] = 0;

@@ -293,7 +293,7 @@ static bool take_ends(kn_draft *draft)
         draft->at[0][ends[i]].source = KN_SOURCE_DEFAULT;
     }
     // solve c_max = alpha exp(-beta p0), c_min = alpha exp(-beta p1)
-    bool rising = mat->p0_pa < mat->p1_pa; // if not, finish_material reports an error later
+    bool rising = mat->p0_pa < mat->p1_pa; // if false, finish_material reports that p0 must be less than p1
     mat->beta_per_pa = rising ? log(mat->c_max_pa_s / mat->c_min_pa_s) / (mat->p1_pa - mat->p0_pa) : 0;
     mat->alpha_pa_s = mat->c_max_pa_s * exp(mat->beta_per_pa * mat->p0_pa);
     if (mat->c_min_pa_s <= mat->c_max_pa_s) return true;
@@ -543,7 +543,7 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     if (!relevant(draft, slot, id) || (optional && !kn_draft_given(draft, slot, id))) return;
     if (slot == 0 && id == KN_KEY_VARIANT) return; // the material's numbers are already those of the variant
     if (kn_draft_of_device(id) && !draft->device_whole) return;
-    // indentation, with "- " before the first key of a list item
+    // print the indentation, and "- " before the first key of a list item
     if (slot == 0) put(out, "%*s", 2 * open_groups(out, key->path), "");
     else if (slot <= KN_PROBES_MAX) put(out, id == KN_KEY_PROBE_NAME ? "  - " : "    ");
     else put(out, id == KN_KEY_PART_SHAPE ? "      - " : "        ");

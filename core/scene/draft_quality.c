@@ -163,7 +163,7 @@ static void add_reach(const kn_probe_def *probe, double low_m[3], double high_m[
     }
 }
 
-// Return true if the rectangle from low_m to high_m, which all tools can reach, lies beside the block.
+// Return true if the rectangle from low_m to high_m, within which all tools stay, lies beside the block.
 static bool is_off(const kn_model_def *def, const double low_m[3], const double high_m[3])
 {
     bool off = false;
@@ -183,7 +183,7 @@ bool kn_draft_fine(kn_draft *draft)
     // the scene asks for coarse cells, so refuse an object that cannot have any; the reach of the tools does not matter
     const char *unfit = kn_composite_unfit(def);
     if (unfit) return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY], "object.accuracy: %s", unfit);
-    // rectangle that all tools can reach, and width of the widest tool
+    // find the smallest rectangle within which all tools stay, and the width of the widest tool
     for (int slot = 1; slot <= def->probe_count; slot++) {
         if (!check_reach(draft, slot)) return false;
         add_reach(&def->probe[slot - 1], low_m, high_m);

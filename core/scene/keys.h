@@ -78,7 +78,7 @@
     scene.model.material.c1_pa_s, "viscosity of the dashpot in the Voigt element")                                    \
   X(DAMPER, ALWAYS, "material.damper", CHOICE, 1, "none|constant|exponential|ramp", 0, 0, NULL,                       \
     scene.model.material.damper,                                                                                      \
-    "law of the damper in series with the Voigt element; what this damper deforms does not come back")                \
+    "law of the damper in series with the Voigt element; the deformation of this damper stays")                       \
   X(C2, CONSTANT, "material.c2", MODULUS, 1, "Pa*s", 1e-6, 1e12, NULL,                                                \
     scene.model.material.c2_pa_s, "viscosity of the constant damper")                                                 \
   X(ALPHA, EXPONENTIAL, "material.alpha", MODULUS, 1, "Pa*s", 1e-6, 1e15, NULL,                                       \
@@ -101,7 +101,8 @@
     scene.model.material.ratio,                                                                                       \
     "a0: share of the Voigt element in a new edge; only with a stroke; none: 0.2, or c2/(c1 + c2) if k1 is 0")        \
   X(SPECIMEN_HEIGHT, ALWAYS, "material.specimen_height", REAL, 1, "m", 1e-4, 10, "",                                  \
-    specimen_height_m, "multiplies those of k1, c1, c2, alpha, c_max, c_min that are given in Pa/m or Pa*s/m")        \
+    specimen_height_m,                                                                                                \
+    "height of a specimen: factor on k1, c1, c2, alpha, c_max and c_min that are given per height (Pa/m, gf/cm^3)")   \
   X(DENSITY, ALWAYS, "density", REAL, 1, "kg/m^3", 1, 3e4, NULL,                                                      \
     scene.model.density_kg_m3, "density of the object")                                                               \
   X(GRAVITY, ALWAYS, "gravity", REAL, 1, "m/s^2", 0, 100, "0 m/s^2",                                                  \
@@ -256,7 +257,7 @@
   X(PART_RADIUS, ROUND, "probes.NAME.parts.N.radius", REAL, 1, "m", 1e-4, 1, NULL,                                    \
     as.radius_m, "radius of a part that is a sphere, capsule or cylinder; at least one spacing of the lattice")       \
   X(PART_LENGTH, LONG, "probes.NAME.parts.N.length", REAL, 1, "m", 1e-4, 10, NULL,                                    \
-    as.length_m, "capsule, cylinder: length along the part's own z, upwards from its origin")                         \
+    as.length_m, "capsule, cylinder: length along the part's own z, upwards from the part's origin")                  \
   X(PART_EDGE, EDGED, "probes.NAME.parts.N.edge", REAL, 1, "m", 0, 1, "",                                             \
     as.edge_m, "radius to which the part's edges are rounded; none: sharp edges")                                     \
   X(PART_AT, ALWAYS, "probes.NAME.parts.N.at", REAL, 3, "m", -10, 10, "",                                             \

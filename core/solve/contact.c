@@ -22,8 +22,8 @@ static double still_margin(const kn_model *model, const kn_probe_def *def)
     return 0.1 * model->def.spacing_m + def->adhesion_pa / kn_probe_foundation(def) + (def->grip_n > 0 ? GRIP_M : 0);
 }
 
-// Upper bound: the lower half of a ball is pressed into the skin, with a margin of one patch. Another shape counts as
-// the ball around it.
+// The number of samples is an upper bound: the lower half of every tool is pressed into the skin, with a margin of one
+// patch. A tool counts as the ball around its shape.
 int kn_contact_samples(const kn_model *model)
 {
     double count = model->base_count, h = model->def.spacing_m, patches = 0;

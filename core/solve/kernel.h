@@ -31,7 +31,7 @@ typedef struct kn_work {
     void *free;  // (3) 1 if a component is free, 0 if its velocity is prescribed
     void *whole; // (6) composite: diagonal blocks before constraints and inversion; else NULL
     // With gas in each cell: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 reals per cell (flat 8, net 12).
-    // With one gas pressure for the whole object: the same of every node, 3 reals per node. Without gas: NULL.
+    // With one gas pressure for the whole object: this vector for every node, 3 reals per node. Without gas: NULL.
     void *cell;
     uint8_t *row_held; // [rows] 1: at least one component of the row's nodes is prescribed
     // [rows] 1: a prescribed velocity in this row differs from that of the last step, so the law is evaluated twice

@@ -168,7 +168,7 @@ LANES_INLINE void law_of(const kn_model *model, const law_tables *t, kn_law_kind
     } else if (kind == KN_LAW_TABLE) {
         law_table(t, how, b, s, root);
     } else {
-        *s = lanes_mul(b, lanes_set(t->rest)); // the factor is 1 for a Voigt element without damper
+        *s = lanes_mul(b, lanes_set(t->rest)); // slope ds/db; 1 for a Voigt element without damper
         *root = lanes_set(t->root_rest);
     }
 }
@@ -264,7 +264,7 @@ LANES_INLINE void bars_law(const kn_model *model, const law_tables *t, const bar
         u = lanes_mul(u, lanes_load(here));
         lanes_store(strain, u);
     }
-    // then the stress at the end of this step
+    // compute the stress at the end of this step
     lanes sought = lanes_fma(a, lanes_mul(wanted, scale), lanes_mul(k1, u));
     if (stroke) {
         law_of(model, t, kind, how, sought, stress, root);

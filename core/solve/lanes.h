@@ -245,7 +245,7 @@ typedef __m512i index_native;
 #elif KN_KERNEL_AVX2 && KN_KERNEL_F32
 typedef __m256i index_native;
 #define SEGMENT(i) _mm256_srl_epi32(_mm256_sub_epi32(_mm256_castps_si256(y.p##i), _mm256_set1_epi32(TABLE_ONE)), by),
-// bit 3 of the index, moved to the sign bit, chooses the half of the table
+// bit 3 of the index, moved to the sign bit, tells which half of the table holds the value
 #define LOOK(i)                                                                                                        \
     _mm256_blendv_ps(_mm256_permutevar8x32_ps(_mm256_load_ps(table), s.p##i),                                          \
                      _mm256_permutevar8x32_ps(_mm256_load_ps(table + 8), s.p##i),                                      \

@@ -124,7 +124,7 @@ static void rigid_begin(const kn_model *model, const kn_state *state, kn_scratch
     if (!rigid->on) return;
     find_centre(model, state, rigid);
     memset(rigid->factor, 0, sizeof rigid->factor);
-    // R'AR is the sum of inertia and contact
+    // R'AR, the matrix of the rigid motions, is the sum of inertia over dt and contact stiffness
     add_inertia(model, rigid, rigid->factor);
     kn_foundation_rigid(model, scratch, rigid->centre_m, rigid->factor);
     double *w[3] = {&rigid->factor[3][3], &rigid->factor[4][4], &rigid->factor[5][5]}, spin = *w[0] + *w[1] + *w[2];
@@ -161,7 +161,7 @@ static double rigid_add(const kn_model *model, kn_scratch *scratch)
     const size_t stride = model->stride, end = (size_t)model->row_count * stride;
     double sum[6] = {0}, c[6], more = 0;
     if (!rigid->on) return 0;
-    // sum = R'r is the total force and torque of the residual
+    // compute sum = R'r, the total force and torque of the residual r
     for (size_t at = 0; at < end; at += stride) {
         if (kn_model_single(model)) {
             GATHER(float)
@@ -204,7 +204,7 @@ static double nothing_of(const kn_model *m, const kn_state *state)
 static double note_start(const kn_model *m, kn_state *state, double rz)
 {
     double faded = state->residual_scale * (1 - fmin(1, m->def.solver.dt_s)); // decay with a time constant of 1 s
-    // an impact raises the scale at most to the limit of kn_impact_power: see step_effort.h
+    // an impact raises the residual scale at most to the limit of kn_impact_power, see step_effort.h
     double most = kn_impact_power(m);
     state->residual_scale = rz <= faded ? faded : rz > most ? most : rz;
     return fmin(fmax(rz, REST * REST * state->residual_scale), state->residual_scale);
@@ -279,7 +279,7 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     // judge the samples of the contact again at the new guess; if some have changed, solve again with fewer iterations
     for (int again = 0; again < 2; again++) {
         if (again > 0 && !kn_deadline_spend(&s->deadline, s->deadline.look)) break;
-        // the work of the first look was counted with the linearisation
+        // the work of the first look at the contact was counted with the linearisation
         if (kn_foundation_change(m, s) == 0) break;
         rz = iterate(m, state, s, update(m, state, s, 0), (wanted + 1) / 2, output);
     }
@@ -371,7 +371,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         // stop when the guess meets the law itself, not only its linearisation
         if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * start) break;
         output->iterations = 0;
-        if (input->deadline > 0) output->capped = false; // only the last linearisation counts
+        if (input->deadline > 0) output->capped = false; // only the last linearisation may set `capped`
         // share the remaining time among the linearisations that follow, then solve this one
         kn_deadline_share(&s->deadline, passes - pass, s->effort.iterations_max);
         rz = solve_linear(model, state, s, rz, pass == 0, output);

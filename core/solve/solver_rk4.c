@@ -179,7 +179,7 @@ void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boun
     double dt = model->def.solver.dt_s;
     double *y0 = scratch, *y = y0 + at.count, *dy = y + at.count, *sum = dy + at.count, *rest = sum + at.count;
 
-    // gather the state
+    // copy the fields of the state to y0
     memcpy(rest, model->rest_m, (size_t)model->node_count * sizeof *model->rest_m);
     gather(model, state->displacement, y0 + at.x);
     gather(model, state->velocity, y0 + at.v);
@@ -198,7 +198,7 @@ void kn_rk4_step(const kn_model *model, kn_state *state, const kn_boundary *boun
     }
     for (size_t i = 0; i < at.count; i++) y0[i] += dt * sum[i];
 
-    // scatter the result
+    // copy the result y0 back to the fields of the state
     scatter(model, y0 + at.x, state->displacement);
     scatter(model, y0 + at.v, state->velocity);
     if (at.count > at.u)

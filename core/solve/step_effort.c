@@ -129,7 +129,7 @@ static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[
     // reduce the field towards the base and the sides, and set it to 0 in the slow part; it stays 1 under the plate
     const float down = surface + (axis - surface) * d / way, share = down * (float)rest_m[2] / (top + sqrtf(beside2));
     const float v = (float)p->down_m_s * fmaxf(0, share - p->rest) / (down * (1 - p->rest));
-    // out: outward velocity per metre of distance from the axis, relative to v
+    // out: outward velocity per metre of distance from the axis, divided by the downward velocity v [1/m]
     const float out = a / off * (0.42f * d / off2 - 0.21f / (off + d));
     velocity_m_s[0] = v * out * x;
     velocity_m_s[1] = v * out * y;

@@ -1,7 +1,7 @@
 #ifndef KN_CORE_SOLVE_STEP_EFFORT_H
 #define KN_CORE_SOLVE_STEP_EFFORT_H
-// The work of an implicit step: how many linearisations of the law it solves, and how far. An impact needs more
-// linearisations than other steps, and a deadline may leave time for fewer.
+// The work of an implicit step: the number of linearisations of the law, and the number of iterations for each. An
+// impact needs more linearisations than other steps, and a deadline may leave time for fewer.
 #include "core/solve/contact.h"
 
 // --- impacts --------------------------------------------------------------------------------------------------------

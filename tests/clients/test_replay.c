@@ -421,7 +421,7 @@ TEST("another scene is refused, and changed solver settings replay but cannot be
     REPLAYS(KN_EXIT_USAGE, "1 ms divided by a whole number", "plain.lcmlog --dt '0.7 ms'");
     // refused because of the stability limit, without a step
     REPLAYS(KN_EXIT_USAGE, "rk4 is stable up to", "plain.lcmlog --solver rk4");
-    REPLAYS(KN_EXIT_USAGE, "--set probes.plate.name=stamp: leaves no probe `plate`",
+    REPLAYS(KN_EXIT_USAGE, "--set probes.plate.name=stamp: no probe `plate`",
             "plain.lcmlog --set 'density=1 g/cm^3' --set probes.plate.name=stamp");
     CHECK(!kn_said("malformed"));
 }

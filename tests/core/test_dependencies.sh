@@ -4,9 +4,9 @@
 #
 # No include circle: a module is NAME.h with NAME.c, and includes what either of them includes. If its includes lead
 # from module to module back to it, the modules of that circle cannot be read, tested or reused one without the others,
-# and the test prints the circle's path. A private header NAME_parts.h counts with NAME. A source without a header is a
-# module that no other can include, so it may be the place where modules meet that know nothing of each other
-# (core/build.c).
+# and the test prints the circle's path. A private header NAME_parts.h or NAME_job.h counts with NAME. A source without
+# a header is a module that no other can include, so it may be the place where modules meet that know nothing of each
+# other (core/build.c).
 set -u
 cd "$KN_SOURCE" || exit 1
 fail=0

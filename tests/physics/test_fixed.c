@@ -60,15 +60,15 @@ TEST("a scene that fixed point cannot represent is refused with the reason")
     def.support = KN_SUPPORT_NONE;
     refused(def, "no inertia");
     def = fixed(press_def(1)), def.material = jelly(), def.pressure = KN_PRESSURE_CELLS, def.inside_pressure_pa = 1e6;
-    refused(def, "gas from the start of the step");
+    refused(def, "gas is too stiff");
     def = fixed(ball_def(1)), def.material = jelly(), def.probe[0].foundation_n_m3 = 1e9;
-    refused(def, "a softer one");
+    refused(def, "a softer foundation");
     def = fixed(press_def(1)), def.material.ratio = 0.2, def.material.stroke[0] = 0.02, def.material.stroke[1] = 0.98;
     refused(def, "no end stops");
     def = fixed(press_def(1)), def.material.c1_pa_s *= 1e4;
     refused(def, "a damper's flow");
     def = fixed(press_def(4)), def.solver.passes = def.solver.iterations = 1;
-    refused(def, "unsolved with 1 passes of 1 iterations");
+    refused(def, "a press with 1 passes of 1 iterations");
     def = fixed(press_def(1)), def.solver.precision = KN_PRECISION_F32;
     refused(def, "f64 only");
 }
