@@ -470,7 +470,7 @@ static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
         if (count > 0) load_plate(fit, state, p, 1.0 / count);
         return;
     }
-    // any other tool in the air: load the node nearest to the tool
+    // any other tool in the air: apply the load to the node nearest to the tool
     if (!f->touching) {
         int node = nearest_node(fit, state, f->tool_m);
         for (int k = 0; k < 3; k++) force[k] = -f->all.normal[k];
@@ -580,9 +580,9 @@ static double series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + 
 
 // Return the lower limit of the foundation stiffness that is reported to a client. At first touch only a few samples
 // press, and their total stiffness is small. If that stiffness were reported, the client would render only a third of
-// the force of the first touch. The limit estimates the stiffness some tens of ms after first touch. It is the stiffness
-// of the coupling, or of the foundation over a circle whose radius is a third of the tool's half width, whichever is
-// less.
+// the force of the first touch. The limit estimates the stiffness some tens of ms after first touch. It is the
+// stiffness of the coupling, or of the foundation over a circle whose radius is a third of the tool's half width,
+// whichever is less.
 static double first_layer(const kn_model *m, int p, double coupling_n_m)
 {
     double third_m = m->shape[p].fine_m / 3;

@@ -121,7 +121,7 @@ typedef struct load {
     double g, soft;
 } load;
 
-// Add a share of a force, which acts at the arm arm_m, to the load.
+// Add to the load a share of a force. The force acts at the lever arm arm_m.
 static void press(load *all, double share, const double force_n[3], const double arm_m[3])
 {
     double torque[3];

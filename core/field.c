@@ -212,8 +212,9 @@ static void cross_rows(const kn_field *f, const int t[3], int16_t *turns)
         }
 }
 
-// Make the distances of points inside the surface negative. A point is inside if its row has not entered and left the
-// surface equally often before the point. Return false if a row ends inside, or if memory is short.
+// Make the distances of points inside the surface negative. Follow the row of a point up to the point: the point is
+// inside if the row has entered the surface more or fewer times than it has left the surface. Return false if a row
+// ends inside, or if memory is short.
 static bool sign_distances(kn_field *f)
 {
     size_t count = (size_t)f->n[0] * (size_t)f->n[1] * (size_t)f->n[2];

@@ -5,11 +5,12 @@
 //
 // At the grid's points, the distance to the nearest triangle is exact. To find its sign, a row of grid points is
 // followed through the surface. The distance is negative where the row has entered the surface more often than it has
-// left the surface. If the surface is inside out (its normals point inwards), the distance is negative where the row has
-// left more often than it has entered. So a surface that passes through itself has an inside, too. Between the points, the distance is a quadratic B-spline. Its value and gradient come from
-// one polynomial with continuous slopes, so a tool that slides does not feel the cells. The coefficients are c = d -
-// (sum of second differences)/8, which is exact for quadratics. The correction is limited to an eighth of a cell, so an
-// edge stays as round as the spline makes it.
+// left the surface. If the surface is inside out (its normals point inwards), the distance is negative where the row
+// has left more often than it has entered. So a surface that passes through itself has an inside, too. Between the
+// points, the distance is a quadratic B-spline. Its value and gradient come from one polynomial with continuous slopes,
+// so a tool that slides does not feel the cells. The coefficients are c = d - (sum of second differences)/8, which is
+// exact for quadratics. The correction is limited to an eighth of a cell, so an edge stays as round as the spline makes
+// it.
 //
 // The error is less than the side s of a cell anywhere. The reason: two places a distance a apart have distances to the
 // surface that differ by at most a, and the points that the spline weighs are 0.87 s away on average at most. Where the

@@ -121,8 +121,8 @@ typedef struct kn_safety_in {
     bool leaving; // the last pose was the session's last: the force fades as in a silence, and no fault is latched
     bool stop;    // the server is stopping: ramp down and latch
     bool reset;   // the object was reset: the probe leaves the model at once, and its last force fades
-    // An operator's recover: clear a latched fault other than NONFINITE and STOPPING, and take the probe out of the
-    // model. If an ESTOP hid a NONFINITE, the NONFINITE is latched again.
+    // The operator's command `recover`: clear a latched fault other than NONFINITE and STOPPING, and take the probe out
+    // of the model. If an ESTOP hid a NONFINITE, the NONFINITE is latched again.
     bool recover;
     bool overload; // ticks keep taking longer than their period: the force fades and a fault is latched
     bool estop;    // emergency stop by an operator: the force fades and a fault is latched, with or without a session

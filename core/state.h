@@ -107,7 +107,8 @@ kn_state *kn_state_keep(const kn_model *model);
 size_t kn_state_kept(const kn_model *model);                 // memory of a state without scratch [bytes]
 void kn_state_destroy(kn_state *state);                      // does nothing if `state` is NULL
 void kn_state_reset(const kn_model *model, kn_state *state); // set the object undeformed and at rest; real-time safe
-void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src); // all but scratch; real-time safe
+// Copy everything except the scratch memory. Real-time safe.
+void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
 // Return the size in bytes of a field of the state with `components` numbers per node; 0: the state has no such field.
 size_t kn_state_field(const kn_model *model, int components);
 

@@ -70,9 +70,9 @@ void kn_control_turn(kn_control *control, int timeout_ms);
 // Body of the worker thread: answer the slow requests, one at a time, until any thread calls kn_control_end.
 void kn_control_work(kn_control *control);
 void kn_control_end(kn_control *control);
-// Answer the requests sent until now, but refuse slow ones. Call this function after the threads that run
-// kn_control_turn and kn_control_work have ended. It takes at most KN_CONTROL_LAST_MS. A peer that sends something
-// later is disconnected without an answer.
+// Answer the requests sent until now, but refuse requests that take long to serve. Call this function after the threads
+// that run kn_control_turn and kn_control_work have ended. It takes at most KN_CONTROL_LAST_MS. A peer that sends
+// something later is disconnected without an answer.
 void kn_control_drain(kn_control *control);
 
 #endif

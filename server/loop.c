@@ -175,7 +175,7 @@ static void publish(kn_loop *loop, turn *t)
 // hand. The main thread is woken once more for the patches.
 static void queue_touches(kn_loop *loop, const kn_tick_record *record)
 {
-    // Missed cycles may skip the tick of a patch, so compare quotients instead of testing the remainder.
+    // Missed cycles may skip the tick in which a patch is due, so compare quotients instead of testing the remainder.
     int64_t tick = record->out.tick, before = tick - 1 - record->out.missed;
     if (tick / KN_LOOP_TOUCH_TICKS == before / KN_LOOP_TOUCH_TICKS) return;
     kn_backend *backend = loop->servo.backend;

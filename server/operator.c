@@ -283,7 +283,7 @@ static json_t *hold(kn_operator *o, bool estopped)
                : kn_control_error("recover: done%s, but a restart may bring the emergency stop back: %s", at, why);
 }
 
-// Order another quality, if the servo can change to that quality without a new start.
+// Order a change to another quality, if the servo can make the change without a restart.
 static json_t *take_quality(kn_operator *o, const char *name)
 {
     for (kn_quality q = 0; q < KN_QUALITIES; q++) {

@@ -103,9 +103,9 @@ enum { KN_OPTIONS_READ = -1 };
 // after --help and other answers, 2 after a mistake, whose message has been printed.
 int kn_options_read(const kn_option_table *table, void *to, int argc, char **argv);
 
-// Print a message on stderr: "knead check: what is wrong, what was expected". Unless always_named is set, a message
-// that names a place in a file, "scene.yaml:14:9: ...", gets no prefix, because editors jump to a place at the
-// beginning of a line.
+// Print a message on stderr: "knead check: what is wrong, what was expected". A message that
+// names a place in a file, "scene.yaml:14:9: ...", gets no prefix unless always_named is set. Editors can jump to the
+// place only if it stands at the beginning of the line.
 void kn_message_print(const char *program, bool always_named, const char *format, va_list args);
 
 // Read a quantity such as "3 kPa" into *value, converted to `unit`. Return true if the quantity has the dimension of

@@ -160,8 +160,8 @@ static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_ou
     return kn_rt_clock_ns(clock) - from_ns;
 }
 
-// Measure a few ticks and take the shortest, because delays by other processes say nothing about the scene. Stop after
-// 20 ms.
+// Measure a few ticks and take the shortest, because delays caused by other processes say nothing about the scene. Stop
+// after 20 ms.
 int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
 {
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits

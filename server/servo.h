@@ -46,8 +46,8 @@ typedef struct kn_clutch {
     double stays_m[3], stays_wxyz[4]; // pose at which the tool stays while the clutch is held
 } kn_clutch;
 
-// Number of consecutive slow ticks before the servo reduces its work. Delays by the machine make one or two ticks slow;
-// ten slow ticks in a row mean too much work.
+// Number of consecutive slow ticks before the servo reduces its work. Delays caused by the machine make one or two
+// ticks slow; ten slow ticks in a row mean too much work.
 #define KN_OVER_TICKS 10
 // An overload is a run of at least KN_OVER_TICKS ticks, each above 1 ms, that together took this long, ns.
 #define KN_OVERLOAD_NS INT64_C(100000000)

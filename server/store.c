@@ -27,7 +27,8 @@ const kn_files kn_files_system = {system_open, read, write, fdatasync, close, sy
 
 // --- names ----------------------------------------------------------------------------------------------------------
 
-// Return "dough" for "dough.yaml", with only letters, digits, - and _, which have no special meaning in a shell.
+// Return the name without its ending, "dough" for "dough.yaml". Only letters, digits, - and _ are kept, because they
+// have no special meaning in a shell.
 static void plain_name(const char *scene, char *name, size_t size)
 {
     size_t n = 0;

@@ -98,7 +98,8 @@ static void stop(kn_haptic_render *r, kn_haptic_render_stop why)
 bool kn_haptic_render_force(kn_haptic_render *r, const double scene_n[3], double age_s)
 {
     if (!isfinite(kn_dot(scene_n, scene_n))) return false;
-    // If this force is the first answer to its pose, its age updates the smoothed round trip.
+    // If this force is the first answer to its pose, update the smoothed round trip with the time since that pose was
+    // sent.
     if (age_s >= 0.0) r->round_trip_s += smoothing * (fmin(age_s, 1.0) - r->round_trip_s);
     // A round trip that is too long stops the rendering of kneadd's forces, except with def.held.
     if (r->round_trip_s > KN_HAPTIC_RENDER_FAR_S && !r->def.local && !r->def.held) stop(r, KN_HAPTIC_RENDER_FAR);

@@ -429,8 +429,9 @@ double kn_held_element_until(const kn_held_element *h, double to)
 }
 
 // Compute how the stress P relaxes by equation (1) of the header. P starts at the value `from` and never falls below
-// the value `least`. Return ln P after the duration `wait`. Newton's method searches for ln P within an interval that encloses the root. Far below the root, the
-// logarithm of the time is used in place of the time, since it is closer to linear in ln P.
+// the value `least`. Return ln P after the duration `wait`. Newton's method searches for ln P within an interval that
+// encloses the root. Far below the root, the logarithm of the time is used in place of the time, since it is closer to
+// linear in ln P.
 static double after(const kn_held_element *h, double from, double wait, double least)
 {
     double high = log(from), low = log(least), half = wait / kn_held_element_time(h, from) / 2;

@@ -137,7 +137,7 @@ static void print_material(FILE *f, const kn_material *m, int count, const kn_pa
 int kn_material_file_try(const char *subcommand, const char *path)
 {
     struct stat there;
-    // kn_beside_open refuses a path that is no regular file, too. The check here comes first, since may_write would
+    // kn_beside_open also refuses a path that is not a regular file. The check here comes first, since may_write would
     // follow a link.
     if (lstat(path, &there) == 0 && !S_ISREG(there.st_mode))
         return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: is no regular file, expected a file that may be replaced",

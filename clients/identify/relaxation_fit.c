@@ -182,8 +182,8 @@ static void let(kn_fit_unknown *u, double low, double high)
 
 static double aicc_of(const kn_fit *fit) { return kn_fit_aicc(fit->readings, fit->readings - fit->freedom, fit->sum); }
 
-// Fit the element without P0 and P1, with or without c1. One start is the best fit of the holds. If a rise determines k1
-// and c1, further starts have larger k1 and c1. If c1 is an unknown, the fit without c1 is one more start.
+// Fit the element without P0 and P1, with or without c1. One start is the best fit of the holds. If a rise determines
+// k1 and c1, further starts have larger k1 and c1. If c1 is an unknown, the fit without c1 is one more start.
 static bool fit_base(work *w, bool c1, const kn_fit *without)
 {
     static const double more[4] = {1, 1.5, 3, 1}, dash[4] = {1, 1, 1, 4};

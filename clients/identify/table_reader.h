@@ -143,7 +143,7 @@ void kn_text_clean(char *text);
 
 typedef struct kn_table_column {
     kn_heading heading;
-    int at;        // position of the column's name in the line of names, in characters from 1 on
+    int at;        // position of the column's name in the line of names, counted in characters, starting at 1
     int index;     // index of the column's cell in a row, from 0 on
     double *value; // [rows] numbers of the column in SI units; NAN: missing; NULL: the column was not requested
 } kn_table_column;

@@ -472,7 +472,7 @@ static int fill(const options *o, const kn_shell *shell)
     if (code != KN_EXIT_OK) return code;
     printf("surface   %s: %d triangles, closed, %.4g cm^3 inside\n", o->in, shell->triangle_count,
            shell->volume * pow(1e2 / o->units_per_m, 3));
-    return check_mesh(o, o->out); // load and check the file as a scene does
+    return check_mesh(o, o->out); // load and check the file in the same way as when a scene is loaded
 }
 
 int kn_mesh_main(int argc, char **argv)

@@ -260,7 +260,8 @@ static uint64_t hash_lines(const char *text)
 
 // Hash a scene text without its blocks `quality`, `solver` and `mesh`. The block `mesh` sets only the rate and the
 // contents of mesh messages. The text is parsed again first, so texts written by different versions of the program
-// compare equal. `beside`: relative paths in the text start from the folder of this file. Return false if the text cannot be parsed.
+// compare equal. `beside`: relative paths in the text start from the folder of this file. Return false if the text
+// cannot be parsed.
 static bool scene_hash(const char *beside, const char *name, const char *text, uint64_t *hash)
 {
     static const char *const block[] = {"quality", "solver", "mesh"};

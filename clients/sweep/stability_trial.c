@@ -62,8 +62,8 @@ static kn_input input_at(const kn_stability_trial *t, const kn_model *m, double 
 {
     kn_input in = {0};
     double whole = length_s(t), rest[3] = {1, 1, 1};
-    // The load acts in all steps up to half of the run. Half a step is added to the bound, so that rounding does not remove
-    // the load from the last of these steps.
+    // The load acts in all steps up to half of the run. Half a step is added to the bound, so that rounding does not
+    // remove the load from the last of these steps.
     if (t->hand == KN_STABILITY_TRIAL_HAND_LOAD && time_s < LOADED * whole + 0.5 * dt) {
         kn_model_def_extent(&t->def, rest);
         // Choose the load that strains the material, from rest, to the wanted strain within the time of the load.

@@ -104,8 +104,8 @@ static void note(kn_sweep_plan *plan, const char *text)
     if (plan->notes < 4) snprintf(plan->note[plan->notes++], sizeof plan->note[0], "%s", text);
 }
 
-// Add a run, unless the plan already has a run of the same role and id. Return the index of this run in the plan, or -1
-// and one line in `error`.
+// Add a run, unless the plan already has a run of the same role and id. Return the index of this run in the plan. On
+// failure return -1 and write one line to `error`.
 static int take(kn_sweep_plan *plan, kn_sweep_run run, char *error, size_t error_size)
 {
     if (!resolve(plan, &run, error, error_size)) return -1;

@@ -20,11 +20,11 @@ typedef struct kn_beside {
 // in error.
 bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t error_size);
 
-// Like kn_beside_open, for a path that the user may choose freely. The new file has no name until kn_beside_keep, if the
-// file system can have such files. `path` is written directly, without a new file, if a
-// rename would change more than the contents. This is the case for a pipe, a device, a link, a file with several names,
-// a file of another user or group, and in a folder that takes no new file. A file that is replaced keeps its
-// permissions. On failure return false with the reason in errno.
+// Like kn_beside_open, for a path that the user may choose freely. The new file has no name until kn_beside_keep, if
+// the file system can have such files. `path` is written directly, without a new file, if a rename would change more
+// than the contents. This is the case for a pipe, a device, a link, a file with several names, a file of another user
+// or group, and in a folder that takes no new file. A file that is replaced keeps its permissions. On failure return
+// false with the reason in errno.
 bool kn_beside_write(kn_beside *beside, const char *path);
 
 // kn_beside_keep puts the new file in place at `path`, and kn_beside_drop removes the new file. Every use must end with

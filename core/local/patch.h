@@ -74,7 +74,7 @@ void kn_ahead_reset(kn_ahead *ahead);   // forget the places found so far and be
 // Real-time safe.
 void kn_ahead_look(kn_ahead *ahead, const kn_state *state);
 
-// Store at most `most` places of the last sweep in place[], with their present distances. Return the number of places
+// Store up to `most` places of the last sweep in place[], with their present distances. Return the number of places
 // that are within the tool's reach and not touched yet. Real-time safe.
 int kn_ahead_places(const kn_ahead *ahead, const kn_state *state, int most, kn_place place[]);
 

@@ -16,7 +16,8 @@ static int samples_per_patch(double spacing_m, const kn_shape *shape) { return s
 // Distance from the tool up to which a gripped sample is found, m. No force of a grip stretches a contact as far.
 #define GRIP_M 0.002
 
-// Return the distance from a tool up to which a sample may touch in this step, m, if the tool does not move.
+// Return the largest distance from the tool, m, at which a sample can still come into contact in this step, with the
+// tool at rest.
 static double still_margin(const kn_model *model, const kn_probe_def *def)
 {
     return 0.1 * model->def.spacing_m + def->adhesion_pa / kn_probe_foundation(def) + (def->grip_n > 0 ? GRIP_M : 0);
