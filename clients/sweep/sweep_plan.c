@@ -256,8 +256,8 @@ bool kn_sweep_plan_references(kn_sweep_plan *plan, char *error, size_t error_siz
 {
     int points = plan->count;
     if (plan->scene->accuracy > 0)
-        note(plan, "the lattice has two resolutions, also in the references: knead check --log measures the error of "
-                   "the coarser one");
+        note(plan, "the lattice has two resolutions, and so have the references; knead check --log shows the error of "
+                   "the coarse cells");
     for (int i = 0; i < points; i++) {
         kn_sweep_run run = plan->run[i];
         run.same = take_reference(plan, &run, KN_ROLE_SAME, error, error_size);

@@ -137,7 +137,7 @@ int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv)
     opt->log = argv[optind + 1];
     if (opt->write && opt->set_count > 0)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
-                           "--write: the points would be of the scene with --set %s, expected "
+                           "--write: the points would be valid only with --set %s, expected "
                            "no --set",
                            opt->sets[0]);
     return code;

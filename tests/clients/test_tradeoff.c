@@ -194,7 +194,7 @@ TEST("each bad option is refused")
                                          {"--jobs -1", "expected a whole number"},
                                          {"--budget-us fast", "expected a number of microseconds"},
                                          {"--set solver.colour=red", "solver.colour"},
-                                         {"--write", "--write: the points would be of the scene with --set"}};
+                                         {"--write", "--write: the points would be valid only with --set"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) RUN(KN_EXIT_USAGE, bad[i][1], SMALL "%s", bad[i][0]);
 }
 
