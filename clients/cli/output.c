@@ -83,7 +83,7 @@ int kn_output_close(kn_beside *out, const char *subcommand)
 {
     char error[PATH_MAX];
     if (kn_beside_keep(out, error, sizeof error)) return KN_EXIT_OK;
-    return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: could not be written to its end", out->path);
+    return kn_complain(subcommand, KN_EXIT_DEVICE, "%s: could not be written completely", out->path);
 }
 
 // ---- a folder that appears under its name only when it is complete

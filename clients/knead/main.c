@@ -64,6 +64,6 @@ int main(int argc, char **argv)
     // Check the result of fflush and the error flag of stdout, because fflush does not report an error of an earlier
     // write.
     if (!(fflush(stdout) | ferror(stdout))) return code;
-    fputs("knead: standard output could not be written to its end\n", stderr);
+    fputs("knead: standard output could not be written completely\n", stderr);
     return code == KN_EXIT_OK ? KN_EXIT_DEVICE : code;
 }

@@ -89,8 +89,7 @@ static const char help[] =
     "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
     "  --held           also render forces older than 5 ms, to study their effect.\n"
     "                   Without this option such forces are refused, as every device should do\n\n"
-    "Exit codes: 0 the path was played to its end; 1 the same, but the device buzzed or gave the hand more than 10 "
-    "mJ;\n"
+    "Exit codes: 0 the path was played to its end; 1 it was, but the device buzzed or gave the hand more than 10 mJ;\n"
     "2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
 
 // Speed of the tool above which kneadd brakes the tool instead of following it, m/s: default of brake_m_s.

@@ -426,7 +426,7 @@ static int close_outputs(replay_run *run)
     int code = run->csv.file ? kn_output_close(&run->csv, "replay") : KN_EXIT_OK;
     if (!run->out) return code;
     if (fflush(run->out->f) != 0 || run->out_failed)
-        code = kn_complain("replay", KN_EXIT_DEVICE, "%s: could not be written to its end", run->opt->out_path);
+        code = kn_complain("replay", KN_EXIT_DEVICE, "%s: could not be written completely", run->opt->out_path);
     lcm_eventlog_destroy(run->out);
     return code;
 }

@@ -26,7 +26,7 @@ static void say(sheet *s, int result) { s->failed |= result < 0; }
 // Write the reason why the file could not be written to `error`.
 static bool explain(const sheet *s, char *error, size_t size)
 {
-    snprintf(error, size, "%.4000s: %s", s->path, errno ? strerror(errno) : "could not be written to its end");
+    snprintf(error, size, "%.4000s: %s", s->path, errno ? strerror(errno) : "could not be written completely");
     return false;
 }
 

@@ -168,6 +168,6 @@ int main(int argc, char **argv)
     int code = run(argc, argv);
     // Check both results, because fflush does not report an error of an earlier write.
     if (!(fflush(stdout) | ferror(stdout))) return code;
-    fputs("knead-simdev: standard output could not be written to its end\n", stderr);
+    fputs("knead-simdev: standard output could not be written completely\n", stderr);
     return code ? code : 3;
 }

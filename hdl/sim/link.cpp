@@ -2,7 +2,7 @@
 // counters. The lines carry requests, spoilt requests and noise, with gaps in the input, in the output and in the bus's
 // answers. KN_CASES=N lines (1000), KN_SEED=N.
 #include "Vknead_link.h"
-#include "hdl/sim/bench.h"
+#include "hdl/sim/circuit_bench.h"
 
 // Share of the clocks without a transfer, in percent.
 struct pauses {

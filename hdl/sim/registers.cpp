@@ -1,7 +1,7 @@
 // Compare the circuit's registers and windows with the simulated device's (clients/simdev/golden.c). For any request of
 // a host both give the same answer or refuse alike. KN_CASES=N transfers, KN_SEED=N.
 #include "Vknead_engine.h"
-#include "hdl/sim/bench.h"
+#include "hdl/sim/circuit_bench.h"
 #include "hdl/sim/word_bus.h"
 
 extern "C" {

@@ -3,7 +3,7 @@
 // behind a 0x00 is answered. KN_CASES=N of each (20), KN_SEED=N. CLOCKS is the parameter that the circuit was built
 // with.
 #include "Vknead_link_serial.h"
-#include "hdl/sim/bench.h"
+#include "hdl/sim/circuit_bench.h"
 #if VM_COVERAGE
 #include "verilated_cov.h"
 #endif

@@ -21,7 +21,7 @@
 // The queue holds 1.5 times the ticks that pass while the state is loaded, and at least 1024 ticks. The loading time is
 // estimated from the bytes sent over the link so far. A longer queue is allocated when the link has become slower.
 #include "server/backend/backend.h"
-#include "server/backend/device.h"
+#include "server/backend/circuit_device.h"
 
 #define KN_FPGA_LINE (KN_LINK_WHY + 200)
 

@@ -1,7 +1,7 @@
 #ifndef KN_SERVER_BACKEND_LINK_H
 #define KN_SERVER_BACKEND_LINK_H
 // A link to a circuit's registers. The link carries a request (frame.h) to the circuit and the reply back, over a
-// serial line or through memory that both sides can access. device.h builds and interprets the requests.
+// serial line or through memory that both sides can access. circuit_device.h builds and interprets the requests.
 //
 //     uart:/dev/ttyUSB0?baud=3000000   frames on a serial line (default 3000000)
 //     pty:/dev/pts/7                   the same, on a pseudo-terminal

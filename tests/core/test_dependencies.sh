@@ -4,9 +4,9 @@
 #
 # No include circle: a module is NAME.h with NAME.c, and includes what either of them includes. If its includes lead
 # from module to module back to it, the modules of that circle cannot be read, tested or reused one without the others,
-# and the test prints the circle's path. A private header NAME_parts.h or NAME_job.h counts with NAME. A source without
-# a header is a module that no other can include, so it may be the place where modules meet that know nothing of each
-# other (core/build.c).
+# and the test prints the circle's path. A private header NAME_parts.h counts with NAME. A source without a header
+# is a module that no other can include, so it may be the place where modules meet that know nothing of each other
+# (core/build.c).
 set -u
 cd "$KN_SOURCE" || exit 1
 fail=0
@@ -26,7 +26,7 @@ includes clients 'core/|proto/|server/|clients/|hdl/(registers|knead_hash).h'
 circles() {
     local found
     found=$(grep -rnoE '^ *# *include +"(core|server|clients)/[^"]+\.h"' --include='*.[ch]' "$@" |
-        sed -E 's/^([^:]+)\.[ch]:[^"]*"([^"]+)\.h"/\1 \2/; s/_(parts|job)\>//g' | awk '$1 != $2' | sort -u |
+        sed -E 's/^([^:]+)\.[ch]:[^"]*"([^"]+)\.h"/\1 \2/; s/_parts\>//g' | awk '$1 != $2' | sort -u |
         tsort 2>&1 >/dev/null | awk '/a loop:$/ { printf "\n "; next } { printf " %s", $2 }')
     [ -z "$found" ] && echo "ok   no include circle in $*" && return
     printf 'FAIL include circles, each module includes the next:%s\n' "$found" && fail=1

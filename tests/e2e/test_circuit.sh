@@ -3,7 +3,7 @@
 # is killed and started again meanwhile (twice; KN_KILLS=N). The force is the same to the bit as if nothing had
 # happened. Then the log is replayed on the board in the board's own time, again with random kills (3 times;
 # KN_REPLAY_KILLS=N).
-# night: kills of a board in real time; server.device and server.circuit hold its rules
+# night: kills of a board in real time; server.circuit_device and server.circuit hold its rules
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2} replay_kills=${KN_REPLAY_KILLS:-3}
 RANDOM=${KN_SEED:-1}

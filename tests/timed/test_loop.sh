@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A simulated device in a hand on a real bus: calm near kneadd, refused its forces 20 ms away, calm there with the local
-# model. tests/clients/test_device.c covers what else it feels, clients.cli the options of such a hand.
+# model. tests/clients/test_closed_loop_hand.c covers what else it feels, clients.cli the options of such a hand.
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 

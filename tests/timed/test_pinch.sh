@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Two fingers, each a hand of its own (two processes), lift a piece of dough, and their log replays to the bit.
-# tests/clients/test_device.c covers what they feel.
+# tests/clients/test_closed_loop_hand.c covers what they feel.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 finger() { knead probe --probe "$1" --path "$KN_SOURCE/clients/examples/$1.csv" --tries 1 --quiet 2>"$1.err"; }
 

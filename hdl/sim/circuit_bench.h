@@ -1,5 +1,5 @@
-#ifndef KN_HDL_SIM_BENCH_H
-#define KN_HDL_SIM_BENCH_H
+#ifndef KN_HDL_SIM_CIRCUIT_BENCH_H
+#define KN_HDL_SIM_CIRCUIT_BENCH_H
 // Shared parts of the benches: random numbers from a seed that is printed, and a word bus that circuit and C code see
 // alike.
 #include "verilated.h"

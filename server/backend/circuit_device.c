@@ -1,7 +1,7 @@
-#include "server/backend/device.h"
+#include "server/backend/circuit_device.h"
 #include "hdl/knead_hash.h"
 #include "hdl/registers.h"
-#include "server/backend/device_job.h"
+#include "server/backend/circuit_device_parts.h"
 #include "server/clock.h"
 #include <stdarg.h>
 #include <stdio.h>

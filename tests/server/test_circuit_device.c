@@ -2,7 +2,7 @@
 //     KN_TICKS=N   ticks of each comparison (1000)        KN_KILLS=N   how often the device is killed in a run (4)
 //     KN_ENGINE=rtl   the circuit itself steps, under Verilator, at its own speed
 // a program of its own: hdl/test_device.sh runs it on the circuit itself
-#include "server/backend/device.h"
+#include "server/backend/circuit_device.h"
 #include "hdl/registers.h"
 #include "server/clock.h"
 #include "tests/core/rig.h"

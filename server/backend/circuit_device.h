@@ -1,5 +1,5 @@
-#ifndef KN_SERVER_BACKEND_DEVICE_H
-#define KN_SERVER_BACKEND_DEVICE_H
+#ifndef KN_SERVER_BACKEND_CIRCUIT_DEVICE_H
+#define KN_SERVER_BACKEND_CIRCUIT_DEVICE_H
 // A circuit behind a link, which steps a lattice of core/fixed.h. This module performs the operations load, step and
 // read on the circuit's registers (hdl/registers.h). A kn_fixed that is stepped in parallel on the processor has the
 // same bits.

@@ -1,8 +1,8 @@
-#ifndef KN_SERVER_BACKEND_DEVICE_JOB_H
-#define KN_SERVER_BACKEND_DEVICE_JOB_H
-// Private to device.c and device_build.c: a device in the middle of its work. A job consists of requests, each of which
-// may be sent again; building one changes only the fields that belong to the request itself.
-#include "server/backend/device.h"
+#ifndef KN_SERVER_BACKEND_CIRCUIT_DEVICE_PARTS_H
+#define KN_SERVER_BACKEND_CIRCUIT_DEVICE_PARTS_H
+// Private to circuit_device.c and circuit_device_build.c: a device in the middle of its work. A job consists of
+// requests, each of which may be sent again; building one changes only the fields that belong to the request itself.
+#include "server/backend/circuit_device.h"
 
 enum {
     KN_DEVICE_TALE = 8, // number of register words read after the reactions, from TICK to RESULT_FLAGS

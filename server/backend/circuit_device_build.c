@@ -1,6 +1,6 @@
 // Requests to a device: the words of an image, and the requests of each job.
 #include "hdl/registers.h"
-#include "server/backend/device_job.h"
+#include "server/backend/circuit_device_parts.h"
 #include <string.h>
 
 enum { READ_OP = 5, WRITE_OP = 5, WAIT_OP = 14 }; // length of an operation without its words, bytes
