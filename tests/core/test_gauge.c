@@ -132,3 +132,25 @@ TEST("the implicit and the fixed-point solver give the same stress within 10 % a
     CHECK_NEAR(fixed.stress_pa, implicit.stress_pa, 0.1 * implicit.stress_pa);
     CHECK_NEAR(fixed.residual, implicit.residual, 0.05 * implicit.residual);
 }
+
+NIGHT_TEST(
+    "at the stops of the dampers the residual deformation ends, and Runge-Kutta's stress equals the implicit solver's")
+{
+    const press p = {.depth_m = 0.001, .hold_s = 1};
+    kn_model_def def = press_def(1);
+    def.material.ratio = 0.5;
+    def.material.stroke[0] = 0.495;
+    def.material.stroke[1] = 0.51; // 2 % shorter to 1 % longer
+    def.solver.mass_scale = 100;
+    def.solver.dt_s = 2.5e-4;
+    kn_model_def exact = def, free_def = converged(def);
+    exact.solver.kind = KN_SOLVER_RK4;
+    exact.solver.precision = KN_PRECISION_F64;
+    exact.solver.dt_s = 1.8e-5; // just below the stability limit
+    free_def.material.stroke[0] = free_def.material.stroke[1] = 0;
+    marks implicit = after(converged(def), &p, 0.12), rk4 = after(exact, &p, 0.12), without = after(free_def, &p, 0.12);
+    CHECK(without.residual > 1.2 * implicit.residual); // the stops are reached
+    CHECK(implicit.residual < 0.51 / 0.5 - 1 + 1e-6 && rk4.residual < 0.51 / 0.5 - 1 + 1e-6);
+    CHECK_NEAR(rk4.stress_pa, implicit.stress_pa, 0.02 * implicit.stress_pa);
+    CHECK_NEAR(rk4.residual, implicit.residual, 0.02 * implicit.residual);
+}
