@@ -494,8 +494,11 @@ TEST("the start of a session does not count as lost, and the largest numbers do 
 {
     start();
     const kn_packets *n = &receiver.source[0].packets;
+    knead_probe_pose_t other = good_pose(2, 2);
+    other.position_m[0] = NAN;
     CHECK_VERDICT(send_pose(good_pose(1, 1)), KN_ACCEPTED);
-    CHECK_VERDICT(send_pose(good_pose(1, 3)), KN_ACCEPTED);
+    CHECK_VERDICT(send_pose(other), KN_REJECT_NONFINITE);
+    CHECK_VERDICT(send_pose(good_pose(1, 3)), KN_ACCEPTED); // 2 is lost: that pose was another session's
     now_ns += 1100 * MS;
     CHECK(kn_receiver_expire(&receiver, now_ns) == 1);
     CHECK_VERDICT(send_pose(good_pose(2, 1000)), KN_ACCEPTED);
