@@ -58,6 +58,11 @@ twice=$(for one in $libraries; do symbols --defined-only "$one" | grep -E '^kn_'
 found=$(grep -rnE '\b(kn_step|kn_state_create|kn_state_reset) *\(' --include='*.c' server | grep -v '^server/backend/')
 [ -z "$found" ] && echo "ok   only server/backend steps the lattice" || { printf 'FAIL %s\n' "$found" && fail=1; }
 
+# The top level holds the folders of the system and the files that every project has there. Without git it is not judged.
+allowed='CMakeLists.txt|CMakePresets.json|README.md|LICENSE|CHANGELOG.md|CONTRIBUTING.md|server|core|hdl|clients|proto|tests|bench'
+found=$(git ls-files 2>/dev/null | sed 's#/.*##' | sort -u | grep -vE "^(\..*|$allowed)\$")
+[ -z "$found" ] && echo "ok   the top level holds nothing else" || { printf 'FAIL at the top level: %s\n' $found && fail=1; }
+
 # The file that clients copy depends on no other file and is plain C99.
 if grep -qE '^ *# *include +"(core/contact_model.h)"' core/contact_model.c &&
     ! grep -hE '^ *# *include +"' core/contact_model.[ch] | grep -v contact_model.h &&
