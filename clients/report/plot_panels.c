@@ -5,7 +5,8 @@
 
 // sizes of the parts of a plot [pixels]
 enum { PANEL = 600, HIGH = 446, HEAD = 40, LEFT = 92, RIGHT = 26, TOP = 38, FOOT = 62 };
-enum { IN_A_CORNER = 4 }; // number of names that fit in a corner of a panel; more names are drawn below all panels
+// largest number of names for a legend in a panel's corner; with more names, the legend is below all panels
+enum { IN_A_CORNER = 4 };
 
 void kn_figure_add(kn_figure_panel *panel, kn_figure_series series)
 {
@@ -47,13 +48,13 @@ static extent measure(const kn_figure_panel *p)
     return e;
 }
 
-// Return the corner in which the legend hides the fewest points. Set *hidden to the sum, over all series, of the share
-// of a series' points that are in this corner. With shares each series has the same weight, however dense its readings
-// are.
+// Return the corner in which the legend hides the fewest points. For each series, compute the share of its points that
+// lie in this corner. Set *hidden to the sum of the shares of all series. Shares give each series the same weight, even
+// if one series has more points than another.
 static const char *key_corner(const kn_figure_panel *p, const extent *e, double *hidden)
 {
     static const char *const names[2][2] = {{"bottom left", "bottom right"}, {"top left", "top right"}};
-    // small extra weights: among empty corners, top right and bottom left are preferred
+    // small extra weights prefer top right and bottom left if several corners are empty
     double weight[2][2] = {{0, 1e-3}, {1e-3, 0}};
     for (int s = 0; s < p->series; s++)
         for (int i = 0; i < p->of[s].count; i++) {

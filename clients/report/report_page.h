@@ -50,7 +50,8 @@ bool kn_document_is_open(const kn_document *d);
 
 void kn_document_section(kn_document *d, const char *heading); // the first 24 sections are in the table of contents
 __attribute__((format(printf, 2, 3))) void kn_document_text(kn_document *d, const char *format, ...); // add a paragraph
-// Add a paragraph that states how far to trust a result. The page shows `mood` by a word, not by colour alone.
+// Add a paragraph that states how far to trust a result. `mood` is the judgement: the result holds, needs care, or
+// fails. The page shows the judgement by a word, not by colour alone.
 __attribute__((format(printf, 3, 4))) void kn_document_verdict(kn_document *d, kn_document_mood mood,
                                                                const char *format, ...);
 

@@ -7,9 +7,9 @@
 #include <string.h>
 
 static const double exact = 0.005; // assumed error of the computed force, as a share of the largest measured force
-// LEAST: least number of readings of the force. AROUND: number of neighbours on either side with which a possible
-// outlier is compared. MIDDLE: number of neighbours on either side in a median. DENSE: in a series of at least this
-// many readings, a single high reading cannot be the true peak of a press.
+// LEAST: smallest number of readings that is accepted. AROUND: number of neighbours on either side with which a
+// possible outlier is compared. MIDDLE: number of neighbours on either side in a median. DENSE: if a series has at
+// least this many readings, a single high reading cannot be the true peak of a press.
 enum { LEAST = 10, AROUND = 3, MIDDLE = 2, DENSE = 100 };
 
 void kn_force_residual_free(kn_force_residual *p)
@@ -63,9 +63,9 @@ static bool keep(kn_force_residual *p, const kn_press *press, char *error, size_
     return true;
 }
 
-// Sort the readings of a window that reaches `reach` readings to either side of `reading`. Near an end of the series
-// the window is shifted inwards. If `itself` is false, the given reading is left out. Return the number of sorted
-// readings.
+// Sort the readings around the reading of index `reading`: normally `reach` readings before it and `reach` after it.
+// Near an end of the series the window is shifted inwards. If `itself` is false, leave out the reading of index
+// `reading`. Return the number of sorted readings.
 static int around(const kn_force_residual *p, int reading, int reach, bool itself, double sorted[2 * AROUND + 1])
 {
     const int first = (int)fmin(fmax(reading - reach, 0), p->count - 1 - 2 * reach);
@@ -76,10 +76,10 @@ static int around(const kn_force_residual *p, int reading, int reach, bool itsel
     return n;
 }
 
-// Return whether a reading is an outlier: whether it differs from the median of its six neighbours by more than a
-// limit. The limit is the largest force plus four times the spread of the neighbours. The spread ignores the highest
-// and the lowest neighbour. In a series of fewer than DENSE readings, one reading may be the true peak of a press, so
-// the limit has 20 times the largest force in place of the largest force.
+// Return whether a reading is an outlier. An outlier differs from the median of its six neighbours by more than a
+// limit. The limit is the sum of the largest force (most_n) and four times the spread of the neighbours. The spread
+// ignores the highest and the lowest neighbour. If the series has fewer than DENSE readings, one reading may be the
+// true peak of a press. The limit then contains 20 times the largest force instead.
 static bool is_outlier(const kn_force_residual *p, int reading)
 {
     double sorted[2 * AROUND + 1];
@@ -88,7 +88,8 @@ static bool is_outlier(const kn_force_residual *p, int reading)
     return off_n > (p->count < DENSE ? 20 : 1) * p->most_n + 4 * (sorted[n - 2] - sorted[1]);
 }
 
-// Find the largest force, leave out the outliers and make compression positive. Return false if memory runs out.
+// Find the largest median of five readings (most_n), leave out the outliers and make compression positive. Return false
+// if memory runs out.
 static bool leave_out_outliers(kn_force_residual *p)
 {
     double sum_n = 0, sorted[2 * AROUND + 1];
@@ -202,8 +203,8 @@ static double *compare_surfaces(const kn_measurement *m, const kn_model_surface 
     return residual;
 }
 
-// Improve the shift of the images by one Gauss-Newton step. The slopes come from the residuals at shifts by one pixel
-// to either side. Return false if memory runs out.
+// Improve the shift of the images by one Gauss-Newton step. To get the slopes, compute the residuals with the images
+// shifted by one more pixel to either side. Return false if memory runs out.
 static bool align(const kn_measurement *m, const kn_model_surface *model, const kn_pressed *pressed, double shift_m[2])
 {
     const double h = m->surface[0].frame.pixel_m;

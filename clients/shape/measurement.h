@@ -52,7 +52,8 @@ typedef struct kn_surface_residual {
     // side: number of pixels along each side of a patch; across, down: number of columns and of rows of the grid of
     // patches; patches: number of patches that are compared with the model
     int side, across, down, patches;
-    // [down * across] measured mean height of each patch, and its sigma; NAN: too few pixels of the patch are compared
+    // [down * across] patch_m: measured mean height of each patch; patch_sigma_m: its sigma. NAN: too few pixels of the
+    // patch are compared
     double *patch_m, *patch_sigma_m;
     int points;           // number of points
     double (*point_m)[3]; // [points] measured points; owned
@@ -69,9 +70,9 @@ typedef struct kn_model_surface { // surface of a model; the struct owns both fi
     float (*rest_m)[3]; // [mesh->vertex_count] positions of the vertices at rest
 } kn_model_surface;
 
-// Prepare the comparison with a range image and take ownership of `level`. The model's surface at rest serves to check
-// that the image can show this object. On failure free `level` and return false with one sentence in `error`, which
-// does not name the file.
+// Prepare the comparison with a range image and take ownership of `level`. The surface of the model at rest is used to
+// check that the image can show this object. On failure free `level`, write one sentence to `error` and return false.
+// The sentence does not contain the file's name.
 bool kn_surface_residual_image(kn_surface_residual *measured, const kn_range *frame, uint16_t *level,
                                const kn_model_surface *model, const kn_hidden_area *hidden, char *error,
                                size_t error_size);
@@ -88,8 +89,8 @@ typedef struct kn_surface_misfit {
     // rms differences between model and image in height (height_m) and in outline (outline_m). For points, height_m is
     // the rms distance and outline_m is NAN.
     double height_m, outline_m;
-    // Largest distance of the outline beyond the sides that the object has at rest. First index: 0 measured, 1 model.
-    // Second index: 0 along x, 1 along y. NAN: the tool hides the outline, or points were measured.
+    // Largest distance by which the outline lies outside the sides of the object at rest. First index: 0 measured, 1
+    // model. Second index: 0 along x, 1 along y. NAN: the tool hides the outline, or points were measured.
     double bulge_m[2][2];
 } kn_surface_misfit;
 
@@ -122,21 +123,22 @@ double kn_surface_residual_distance(const double point_m[3], const float (*now_m
 #define KN_FORCE_SPANS 300
 
 typedef struct kn_force_residual {
-    int count;                   // number of readings
-    double *time_s, *force_n;    // [count] rising times of the press, and forces, compression positive; owned
-    double noise_n, most_n;      // noise_n: standard deviation of one reading; most_n: largest force
+    int count; // number of readings
+    // [count] time_s: times of the readings since the press began, rising; force_n: forces, compression positive; owned
+    double *time_s, *force_n;
+    double noise_n, most_n;      // noise_n: standard deviation of one reading; most_n: largest median of five readings
     int outliers;                // number of outliers that were left out
     double outlier_s, outlier_n; // time and force of the first outlier
     int spans;                   // number of spans that hold readings
     int *span;                   // [count] index of the span that holds each reading
-    // [spans] for each span: mean force, sigma of this mean, and mean time
+    // [spans] for each span: mean force (span_n), sigma of this mean (span_sigma_n) and mean time (span_s)
     double span_n[KN_FORCE_SPANS], span_sigma_n[KN_FORCE_SPANS], span_s[KN_FORCE_SPANS];
     bool turned; // compression was negative in the file, so the signs of all forces were changed
 } kn_force_residual;
 
 // Prepare the comparison of a measured force. The caller has set `count`, `time_s` and `force_n`. Readings outside the
-// press are left out. Readings after the hold are left out as well, since the tool tears off node by node while it
-// withdraws. On failure free the struct and return false with one sentence in `error`.
+// press are left out. Readings after the hold are left out as well, since the nodes come off the tool one by one while
+// the tool withdraws. On failure free the struct and return false with one sentence in `error`.
 bool kn_force_residual_make(kn_force_residual *measured, const kn_press *press, char *error, size_t error_size);
 void kn_force_residual_free(kn_force_residual *measured); // the struct may be all zeros
 

@@ -16,7 +16,7 @@ static const double shaking_m = 1e-6;
 // a tool less than this distance above the top of the object at rest counts as touching the top
 static const double near_m = 1e-3;
 static const double period_s = 1e-3;
-// least height of the object under the tool at its lowest position, as a share of the height at rest
+// smallest height that the object may have under the tool in its lowest position, as a share of the height at rest
 static const double thinnest = 0.2;
 
 #define LONGEST_TICKS 3600000 // largest number of ticks of a press: an hour, which takes 350 MB of memory for one probe
@@ -42,9 +42,9 @@ int64_t kn_press_tick(const kn_press *p, double time_s)
 
 static const kn_probe_input *tool_at(const kn_press *p, int64_t tick) { return &p->input[tick * p->probes + p->probe]; }
 
-// Return the tick at which the tool begins the rise that leads to its position in the given tick. A tick
-// belongs to the rise if the tool rises in the tick, or if the tool has risen by more than 1 um in the last 10 ms (0.1
-// mm/s), which is more than a shaking tool rises.
+// Find the rise that leads to the tool's position in the given tick. Return the tick in which this rise begins. A tick
+// belongs to the rise if the tool moves up in the tick, or if the tool has moved up by more than 1 um in the last 10 ms
+// (0.1 mm/s). A tool that only shakes moves up by less than 1 um, so shaking is not taken for a rise.
 static int64_t begin_of_rise(const kn_press *p, int64_t tick)
 {
     enum { WINDOW = 10 };
@@ -70,7 +70,7 @@ static void find_hold(kn_press *p)
         if (tool_at(p, t)->attached && tool_at(p, t)->position_m[2] <= lowest_m + still_m) last = t;
     const int64_t rise = begin_of_rise(p, last);
     p->hold_end_s =
-        // in the tick of the rise the velocity is upwards and the force has vanished, so the hold ends one tick earlier
+        // in the first tick of the rise the tool moves up and the force has vanished, so the hold ends one tick earlier
         p->time_s[rise > 0 ? rise - 1 : 0];
     p->end_s = p->time_s[p->ticks - 1];
 }
@@ -91,8 +91,8 @@ static int choose_probe(const kn_model_def *def, const char *name, char *error, 
     return -1;
 }
 
-// Fill the inputs of the path. In every tick the tool starts at the position that the path had one tick earlier. Its
-// velocity takes the tool to the present position of the path by the end of the tick.
+// Fill the inputs of the path. At the start of each tick the tool is at the position that the path had one tick
+// earlier. The velocity moves the tool so that it reaches the path's present position at the end of the tick.
 static void follow(kn_press *p, const kn_tool_path *path, double from_s)
 {
     for (int64_t t = 0; t < p->ticks; t++) {
@@ -122,11 +122,11 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
     double extent_m[3];
     kn_model_def_extent(object, extent_m);
     *p = (kn_press){.probes = object->probe_count, .probe = choose_probe(object, def->probe, error, error_size)};
-    // Limit the path to an hour, and let the press leave part of the object's height.
+    // Refuse a press that is too deep for the object's height, or a path longer than an hour.
     if (p->probe < 0) return false;
     const double depth_m = def->depth_m > 0 ? def->depth_m : 0.01;
     if (depth_m > (1 - thinnest) * extent_m[2]) {
-        snprintf(error, error_size, "a press of %g mm, expected at most %.3g mm, %g of the object's height",
+        snprintf(error, error_size, "a press of %g mm, expected at most %.3g mm (%g of the object's height)",
                  1e3 * depth_m, 1e3 * (1 - thinnest) * extent_m[2], 1 - thinnest);
         return false;
     }
@@ -160,7 +160,7 @@ bool kn_press_path(kn_press *p, const kn_scene *scene, const kn_press_def *def, 
 // a listener between the servo and the backend records the poses that pass.
 
 typedef struct listener {
-    kn_backend own; // the original backend of the replay, to which the listener passes every call on
+    kn_backend own; // original backend of the replay; the listener passes every call on to this backend
     kn_press *press;
     int64_t room;
     bool short_of_memory; // true: memory ran out, or the log is longer than an hour
@@ -207,8 +207,8 @@ static void given_back(void *self, const kn_state *s)
     ((listener *)self)->own.restore(((listener *)self)->own.self, s);
 }
 
-// Return the first attached tool that comes down to the object at rest, or -1. If `wanted` >= 0, only this tool counts.
-// An attached tool that stays in the air does not count.
+// Return the first attached tool that comes down to the object at rest, or -1 if there is none. If `wanted` >= 0, look
+// only at the tool `wanted`.
 static int first_touching(const kn_press *p, const kn_model_def *object, int wanted)
 {
     double extent_m[3];
@@ -231,8 +231,8 @@ static void take_force(kn_press *p, const kn_replay_tick *tick, int wanted)
     }
 }
 
-// Replay the log to its end. Each recorded tick gets the time of the replay. The listener receives no input in cycles
-// that the server missed, nor in ticks without contact, which a log may omit.
+// Replay the log to its end. Each tick of the press gets the time of the replay. Some cycles give no tick: cycles that
+// the server missed, and cycles that the log omits while the object is untouched and at rest.
 static bool listen(kn_replay *r, listener *l)
 {
     kn_press *p = l->press;
@@ -248,7 +248,8 @@ static bool listen(kn_replay *r, listener *l)
 bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
                   size_t error_size)
 {
-    // A replay with `afresh` needs at least one setting, so set quality=own, which changes no pose.
+    // A replay that takes only the poses from the log (`afresh`) needs at least one setting. The setting quality=own
+    // changes no pose.
     const char *const set = "quality=own";
     *p = (kn_press){.probes = scene->model.probe_count, .probe = -1};
     if (def->probe && (p->probe = choose_probe(&scene->model, def->probe, error, error_size)) < 0) return false;
@@ -272,8 +273,8 @@ bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, c
     kn_replay_destroy(r);
     if (good && (p->probe = first_touching(p, &scene->model, p->probe)) < 0) {
         snprintf(error, error_size,
-                 def->probe ? "%s: the %s never touches the object in it, expected a tool that does"
-                            : "%s: no tool touches the object in it, expected a press",
+                 def->probe ? "%s: the %s never touches the object in this log, expected a tool that does"
+                            : "%s: no tool touches the object in this log, expected a press",
                  log, def->probe);
         good = false;
     }

@@ -22,12 +22,12 @@ static const char me[] = "identify shape";
 enum { INPUTS = KN_PRESS_MOMENTS + 5, OUTPUTS = 3 };
 
 typedef struct named {
-    // path of an output, and the option that names it; path NULL: the output was not requested
+    // input or output file: its path, and the option that names it; path NULL: the file was not requested
     const char *option, *path;
 } named;
 
-// Return whether a word in a scene is the path of this output, and the output exists as a file (a material, a device or
-// a mesh). A word without a dot or a slash is a built-in name.
+// Return whether a word in a scene is the path of this output. The output must already exist as a file: a scene can
+// then use it as a material, a device or a mesh. A word without a dot or a slash is a built-in name, not a path.
 static bool is_output(const char *folder, int folder_length, const char *word, const char *output)
 {
     char path[2 * PATH_MAX];
@@ -68,7 +68,8 @@ static bool scene_names(const char *scene, const char *output)
     return found;
 }
 
-// Refuse an output that is also an input: one given by an option, or one that the scene or a --set option names.
+// Refuse an output that is also an input. Inputs are the files that options name and the files that the scene or a
+// --set option names.
 static int try_output(const kn_shape_options *o, const named *out)
 {
     const named in[INPUTS] = {{"the scene", o->scene.scene_path},
@@ -97,8 +98,8 @@ static int try_output(const kn_shape_options *o, const named *out)
     return KN_EXIT_OK;
 }
 
-// Check before the fits that the outputs can be written. No output may be an input, a file that the scene names, or
-// another output.
+// Check before the fits that the outputs can be written. No output may be an input or a file that the scene names. All
+// outputs must be different files.
 static int try_outputs(const kn_shape_options *o)
 {
     const named out[OUTPUTS] = {{"--out", o->out}, {"--out-depth", o->out_depth}, {"--png", o->png}};
@@ -123,7 +124,7 @@ typedef struct fit_queue {
     int count, next;
     bool short_of_memory;
     kn_progress bar;
-    double done, total; // numbers of ticks: simulated so far, and expected in all fits
+    double done, total; // done: number of ticks simulated so far; total: number of ticks expected in all fits
     pthread_mutex_t lock;
 } fit_queue;
 
@@ -242,7 +243,8 @@ static int check_wanted(const kn_shape_options *o, const kn_candidate *candidate
         return kn_complain(me, KN_EXIT_USAGE, "--finer: %s is a mesh, expected a block among the structures",
                            candidate[0].name);
     if (o->png && o->depths == 0 && !o->force && !o->log)
-        return kn_complain(me, KN_EXIT_USAGE, "--png %s: expected --depth or a force, points are not drawn", o->png);
+        return kn_complain(me, KN_EXIT_USAGE, "--png %s: expected --depth or a force, because points are not drawn",
+                           o->png);
     return KN_EXIT_OK;
 }
 
@@ -258,8 +260,8 @@ static int identify(const kn_shape_options *o, kn_candidate *candidate, int coun
     // Only now is it known whether the log has forces.
     if (o->png && o->depths == 0 && !m.has_force)
         code = kn_complain(me, KN_EXIT_USAGE,
-                           "--png %s: expected --depth or a force, but %s has no force and points are not drawn",
-                           o->png, o->log);
+                           "--png %s: expected --depth or a force: %s has no force, and points are not drawn", o->png,
+                           o->log);
     if (code == KN_EXIT_OK) code = fit_all(candidate, count, &m, o->jobs);
     if (code == KN_EXIT_OK) {
         kn_structure_verdict_make(&v, count, candidate, &m);

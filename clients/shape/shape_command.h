@@ -34,8 +34,8 @@ void kn_shape_options_free(kn_shape_options *options);
 // ---- input of measurements (shape_input.c)
 
 // Read the measurements that the options name. `candidate` may be any candidate, since all candidates share the object
-// and the press. Report changes to the readings on stdout. Return 0, or print an error, set all bytes of `measurement`
-// to 0 and return an exit code.
+// and the press. If readings were left out, sorted or changed in sign, print this on stdout. Return 0, or print an
+// error, set all bytes of `measurement` to 0 and return an exit code.
 int kn_shape_measured(kn_measurement *measurement, const kn_shape_options *options, const kn_candidate *candidate);
 
 // ---- output of results (shape_report.c)
@@ -52,8 +52,8 @@ void kn_shape_print_finer(const kn_measurement *measurement, const kn_candidate 
 // print an error and return an exit code.
 int kn_shape_draw(const kn_shape_options *options, const kn_measurement *measurement, const kn_candidate *best);
 
-// Draw the range image of a candidate in the frame of the first image, as displaced by the candidate's fit. The heights
-// have the frame's step; level[frame.height][frame.width].
+// Draw the range image of a candidate to level[frame.height][frame.width], in the frame of the first image. The image
+// is displaced by the shift that the candidate's fit has found. The heights are in units of frame.step_m.
 void kn_shape_draw_range(const kn_candidate *candidate, kn_range frame, uint16_t *level);
 
 #endif

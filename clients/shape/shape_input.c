@@ -216,7 +216,7 @@ static int read_force(kn_table_reader *s, kn_force_residual *f, const char *file
                                         "no column of time with its unit, expected e.g. time [s], force [N]");
     choose_rows(s, probe);
     if ((code = kn_table_reader_read(s, 2, wanted)) != KN_EXIT_OK) return code;
-    // A second table in the file would be another press.
+    // a second table in the file would be another press, so it is refused
     const int end = kn_curve_range_end(s, wanted[0], 0);
     if (end < s->rows)
         return kn_table_reader_complain(s, s->line[end], kn_table_reader_at(s, s->line[end], wanted[0]),

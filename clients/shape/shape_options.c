@@ -54,10 +54,10 @@ static const char help[] =
     "  P0 atm, gamma     best values with 95 % intervals, which are valid if the model is right\n"
     "  rms mm, outline   rms misfit of the height and of the outline, mm\n"
     "  force%            rms misfit of the force, % of the largest force\n"
-    "  bulge x, y        how far the sides stand out, as measured > model; an image shows the widest place of a side\n"
+    "  bulge x, y        how far the sides stand out, mm, as \"MEASURED > MODEL\"; in an image, at the widest place\n"
     "  off               rms residual in units of the noise\n"
-    "  dAICc             difference from the best structure; at 10, hardly any support is left\n"
-    "Neighbouring residuals that agree count as fewer readings.\n"
+    "  dAICc             AICc minus that of the best structure; with 10 or more, a structure has hardly any support\n"
+    "For the intervals and dAICc, neighbouring residuals that agree count as fewer readings.\n"
     "\"stopped early\" at the end of a row: the misfit is so large that the parameters were not fitted to the last per cent.\n"
     "\"not settled\" at the end of a row: the fit reached the limit of presses.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
@@ -104,7 +104,7 @@ static int check(kn_shape_options *o, int argc, char **argv)
     if (o->moments > surfaces) REFUSE("--at: %d times for %d surfaces, expected one for each", o->moments, surfaces);
     for (int i = o->moments; i < surfaces; i++) o->at_s[i] = o->log ? INFINITY : KN_SHAPE_HOLD;
     if (o->log && (o->press.depth_m > 0 || o->press.speed_m_s > 0 || o->press.hold_s != 0))
-        REFUSE("--down, --speed, --hold: expected no --log, which contains the press");
+        REFUSE("--down, --speed, --hold: expected no --log, because the log contains the press");
     if (o->force_begin_s != 0 && !o->force) REFUSE("--force-begin: expected --force");
     if ((o->align || o->out_depth) && o->depths == 0) REFUSE("--align, --out-depth: expected --depth");
     if (!o->scene.mesh != !o->scene.mesh_unit) REFUSE("--mesh: expected --mesh-unit with it: m, cm, mm or um");

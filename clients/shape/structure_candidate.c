@@ -245,7 +245,7 @@ static bool press(void *of, const double value[KN_TRUST_UNKNOWNS], double *resid
     return ok;
 }
 
-// Set up the search: unknowns with their bounds, and starts over the range of P0.
+// Set up the search: the unknowns with their bounds, and start values spread over the range of P0.
 static kn_trust_region search_of(const kn_candidate *c, const kn_measurement *m)
 {
     static const double start_atm[] = {0.1, 0.5, 2.5};
@@ -367,8 +367,8 @@ bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *c, const kn_can
 
 // ---- the verdict on the candidates
 
-// Return the AICc of a candidate for a number of independent readings. A sum of squares below the number of residuals
-// is raised to that number, since a misfit below the noise is no argument for a candidate.
+// Return the AICc of a candidate for a number of independent readings. If the sum of squares is below the number of
+// residuals, use that number instead, since a misfit below the noise does not favour a candidate.
 static double aicc(const kn_candidate *c, int readings, double independent)
 {
     const int n = (int)fmax(independent, c->unknowns + 3);
@@ -444,8 +444,8 @@ static void tell(kn_structure_verdict *v, int count, const kn_candidate *c, cons
             best->name, v->off[v->best]);
         if (m->surfaces > 0) add(v, ", %.2g mm of the shape", 1e3 * best->misfit[0].height_m);
         if (m->has_force) add(v, ", %.2g %% of the force", 100 * best->force_share);
-        add(v,
-            ": its parameters are only an approximation, since the material, the lattice or the set-up differs, too.");
+        add(v, ": its parameters are only an approximation, since the material, the lattice or the set-up also differs "
+               "from the real one.");
     }
     if (v->rival >= 0) tell_rival(v, c);
     for (int i = 0; i < count; i++)

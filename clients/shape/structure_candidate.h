@@ -52,8 +52,9 @@ typedef struct kn_candidate {
     int unknowns; // number of unknowns: P0, the factor on gamma, and the shift of the images along x and y
     // the fit removed the gas: the fitted P0 is below 0.05 atm, and the data give P0 no lower limit
     bool no_gas_left;
-    double sum, independent; // sum of squared residuals S; number of independent readings in the residuals
-    double *residual;        // [readings] residuals of the best press
+    // sum: sum S of the squared residuals; independent: number of independent readings in the residuals
+    double sum, independent;
+    double *residual; // [readings] residuals of the best press
     kn_surface_misfit misfit[KN_PRESS_MOMENTS];
     double force_share; // rms difference of measured and computed force, as a share of the largest measured force
     int presses;
@@ -80,9 +81,9 @@ void kn_candidate_free(kn_candidate *candidate);
 // Return the model definition of the candidate's scene with the given inside pressure P0 and the given factor on gamma.
 kn_model_def kn_candidate_model(const kn_candidate *candidate, double pressure_pa, double area_factor);
 
-// Fit one candidate to the measurement. Several threads may fit different candidates at once. The fit reports its
-// progress by calls of `told`. The arguments are `of` and the number of ticks that were simulated since the last call.
-// Return false if memory runs out.
+// Fit one candidate to the measurement. Several threads may fit different candidates at once. To report progress, the
+// fit calls `told` with `of` and the number of ticks that were simulated since the last call. Return false if memory
+// runs out.
 bool kn_candidate_fit(kn_candidate *candidate, const kn_measurement *measurement, void (*told)(void *of, int64_t ticks),
                       void *of);
 

@@ -266,8 +266,9 @@ static void to_side(const double p[3], const double a[3], const double b[3], dou
     for (int k = 0; k < 3; k++) near[k] = a[k] + share * along[k];
 }
 
-// Find the point of a triangle that is nearest to p. If the foot of p on the triangle's plane is inside the triangle,
-// this is the foot; otherwise it is the nearest point of the sides. `normal` need not have the length 1.
+// Find the point of a triangle that is nearest to p. Project p onto the plane of the triangle. If the projected point
+// is inside the triangle, it is the result. Otherwise the result is the nearest point on the three sides. `normal` need
+// not have the length 1.
 static void to_triangle(const double p[3], const double corner[3][3], const double normal[3], double near[3])
 {
     double from[3], foot[3], best = INFINITY;
@@ -346,8 +347,8 @@ static void sweep(outline *o, const float a[3], const float b[3])
     }
 }
 
-// Find the largest distance by which rays end beyond the sides that the object has at rest. Along each axis, only rays
-// that count and point mostly along this axis are used.
+// Compute the largest distance by which the ends of rays lie outside the sides of the object at rest, along x and
+// along y. For each axis use only compared rays whose direction is mostly along this axis.
 static void bulge_of(const kn_surface_residual *r, const double centre_m[2], const double *ray_m, const double low_m[3],
                      const double high_m[3], double bulge_m[2])
 {
@@ -392,7 +393,7 @@ static bool compare_heights(const kn_surface_residual *r, const double shift_m[2
     if (!level) return false;
     frame.left_m += shift_m[0];
     frame.top_m += shift_m[1];
-    // The height step must cover three times the object's height in 16 bits.
+    // Choose the height step so that the 16 bits cover three times the object's height.
     frame.step_m = fmax(finest_step_m, 3 * r->tall_m / LEVELS);
     kn_range_draw(&frame, now_m, mesh->triangle_count, (const int(*)[3])mesh->triangle, level);
     for (int i = 0; i < r->across * r->down; i++) {

@@ -88,7 +88,7 @@ static double neighbours(const kn_trust_region *s, int number[KN_TRUST_UNKNOWNS]
                 const double *first = s->evaluation[number[0]].at;
                 const double a[2] = {first[0] - here[0], first[1] - here[1]},
                              b[2] = {there[0] - here[0], there[1] - here[1]};
-                // The second direction must be at least 20 degrees off the first.
+                // The second direction must differ from the first by at least 20 degrees.
                 if (fabs(cross(a, b)) < 0.35 * hypot(a[0], a[1]) * d) continue;
             }
             nearest = d;
@@ -154,8 +154,8 @@ static bool evaluate_beside(kn_trust_region *s, int unknown)
 }
 
 // Evaluate the model beside the best place until there are neighbours in all directions within the distance `reach`.
-// With two unknowns, the line to the nearest neighbour runs mostly along one of them. If this neighbour is within
-// reach, vary the other unknown; otherwise vary the unknown along the line. Return false if no further evaluation is
+// With two unknowns, find out along which unknown the line to the nearest neighbour mostly runs. If this neighbour is
+// farther than `reach`, vary this unknown; otherwise vary the other unknown. Return false if no further evaluation is
 // possible.
 static bool evaluate_around(kn_trust_region *s, double reach)
 {
@@ -245,8 +245,8 @@ kn_fit_interval kn_trust_region_interval(const kn_trust_region *s, int unknown, 
     kn_fit fit = fit_of(s, INFINITY);
     kn_fit_interval i = {KN_FIT_CURVATURE, s->low[unknown], s->high[unknown], true, true};
     if (!kn_fit_run(&fit)) return i;
-    // The sigmas are known, so the scale is at least 1. A smaller scatter is chance, or the data were simulated with
-    // the same lattice.
+    // The scale widens the interval if the residuals scatter more than their sigmas. The sigmas are known, so a scale
+    // below 1 is not used: the smaller scatter is chance, or the data were simulated with the same lattice.
     const double scale = fmax(fit.scale, 1);
     const double spread = scale * sqrt(fit.covariance[unknown][unknown] * s->readings / fmax(independent, 1));
     const double half = kn_fit_student(0.95, fmax(independent - s->unknowns, 1)) * spread;

@@ -35,7 +35,7 @@ typedef struct kn_trust_region {
     bool (*misfit)(void *of, const double value[KN_TRUST_UNKNOWNS], double *residual);
     void *of;
     // The next fields are results of the search.
-    int evaluations, best; // number of evaluations; index of the best one
+    int evaluations, best; // evaluations: number of evaluations; best: index of the best evaluation
     kn_evaluation evaluation[KN_TRUST_EVALUATIONS];
     double value[KN_TRUST_UNKNOWNS];
     bool settled; // the search converged; false: it used up all evaluations

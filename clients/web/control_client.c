@@ -63,7 +63,7 @@ static void on_late(struct ev_loop *ev, ev_timer *w, int events)
     end(w->data, "kneadd has not answered for 12 s");
 }
 
-// Send a request for the purpose of `what`. If it cannot be sent, return false and one line in `error`. An urgent
+// Send a request; `what` is its purpose. If the request cannot be sent, return false and one line in `error`. An urgent
 // request may use place 0, which is reserved for emergency stops.
 static bool ask(kn_control_client *c, const kn_control_call *what, const json_t *request, bool urgent, char *error,
                 size_t error_size)
@@ -110,7 +110,7 @@ static int is_scene(const struct dirent *e)
     return size > 5 && *e->d_name != '.' && strcmp(e->d_name + size - 5, ".yaml") == 0;
 }
 
-// Read the list of scenes again. Names that a request may not contain are only counted, not listed.
+// Read the list of scenes again. If a request may not contain the name of a scene file, only count the file.
 void kn_control_client_list_scenes(kn_control_client *c)
 {
     struct dirent **found = NULL;
@@ -176,8 +176,8 @@ const char *kn_control_client_snapshots(const kn_control_client *c)
     return json_string_value(json_object_get(json_object_get(c->status, "state"), "directory"));
 }
 
-// Write the scene and the directory to which the generation numbers of snapshots belong: kneadd numbers the snapshots
-// of each scene in a directory.
+// Write the name of the scene and the snapshot directory. They identify the meaning of a generation number, because
+// kneadd numbers the snapshots of each scene in each directory separately.
 static void of_what(const kn_control_client *c, char text[sizeof c->snapshot_of])
 {
     const char *folder = kn_control_client_snapshots(c);
@@ -194,7 +194,7 @@ static json_t *restore_request(const kn_control_client *c)
     return json_pack("{s:s, s:I}", "command", "restore", "generation", (json_int_t)c->snapshot);
 }
 
-// Return kneadd's form of a page's request, or NULL if the request contains an unknown name.
+// Translate a page's request to kneadd's form. Return NULL if the request contains an unknown name.
 static json_t *request_of(const kn_control_client *c, const kn_page_request *r)
 {
     switch (r->verb) {

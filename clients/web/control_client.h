@@ -20,7 +20,8 @@ typedef struct kn_control_call { // a request that waits for its answer
     ev_timer patience;
     struct kn_control_client *client;
     kn_control_purpose purpose;
-    // For an order: index of the page that gave it (-1 once the page is gone), id of the page's request, and its verb.
+    // Set only for an order. page: index of the page that gave the order, -1 once the page is gone; id: id of the
+    // page's request; verb: what the page ordered.
     int page;
     uint32_t id;
     kn_page_verb verb;

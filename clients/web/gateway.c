@@ -15,8 +15,8 @@
 // Longest time that a connection may stay without the token, s; a page shows its token within a few round trips.
 #define GUEST_S 2
 #define EXPIRY_S 0.2 // interval between two searches for connections that have stayed too long without the token, s
-// Time between two closings of connections without the token, while more connections arrive than there are places, s.
-// With this interval, each of the 16 connections has at least 64 ms to show its token.
+// Shortest time between closing two connections without the token, s. They are closed if more connections arrive than
+// there are places. Each of the 16 connections thus has at least 64 ms to show its token.
 #define CLOSE_EVERY_S 0.004
 // Largest number of connections with the token that are not pages (downloads). With more, the program could need more
 // than 64 descriptors.
@@ -107,8 +107,8 @@ static void pause_accepting(kn_gateway *g, double seconds, const char *why)
     ev_timer_again(g->ev, &g->pause);
 }
 
-// Add a new connection to the guests (connections without the token). If all their places are taken, it replaces the
-// oldest guest. A real page shows its token at once, so it is not replaced.
+// Add a new connection to the guests (connections without the token). If all places of guests are taken, close the
+// oldest guest. A real page is not closed in this way, because it shows its token at once.
 static void add_guest(kn_gateway *g, struct lws *wsi)
 {
     if (g->guests == KN_GATEWAY_GUESTS) {
@@ -174,7 +174,7 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
     if (lws_hdr_copy(wsi, shown, sizeof shown, WSI_TOKEN_HTTP_AUTHORIZATION) != (int)sizeof shown - 1 ||
         strncmp(shown, scheme, sizeof scheme - 1) != 0 || !is_token(g, (const uint8_t *)shown + sizeof scheme - 1))
         return refuse(g, wsi, 401, "wrong token: expected Authorization: Bearer and the token of the address");
-    // Downloads have their own places, so that they never take those of pages or guests.
+    // Limit the number of downloads separately, so that downloads never take the places of pages or guests.
     if (is_guest(g, wsi) && g->connections - g->guests - kn_gateway_pages(g) >= DOWNLOADS)
         return refuse(g, wsi, 503, "too many downloads at once, expected at most eight");
     forget_guest(g, wsi);

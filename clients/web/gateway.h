@@ -71,7 +71,8 @@ typedef struct kn_page_request {
     kn_page_verb verb;
     char name[KN_PAGE_REQUEST_NAME];
     double value;
-    double azimuth_deg, elevation_deg, zoom; // of the camera; ranges -180..180, 2..90, 1..KN_PAGE_REQUEST_ZOOM
+    // camera angles -180..180 and 2..90, and zoom factor 1..KN_PAGE_REQUEST_ZOOM
+    double azimuth_deg, elevation_deg, zoom;
 } kn_page_request;
 
 // Return the word that stands for a verb in the field "do" of a request, such as "undo".

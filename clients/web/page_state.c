@@ -37,7 +37,7 @@ static void on_health(const lcm_recv_buf_t *buffer, const char *channel, void *u
     s->health_ms = kn_live_server_now_ms();
 }
 
-// Keep the energies of kneadd's energy audit, which only checkpoint events contain.
+// Keep the energies of kneadd's energy audit. Only events of the kind checkpoint contain them.
 static void on_event(const lcm_recv_buf_t *buffer, const char *channel, void *user)
 {
     (void)channel;
@@ -230,7 +230,8 @@ size_t kn_page_state_write(void *self, int page, uint8_t *bytes, size_t size)
     // The JSON must leave room for the picture.
     json t = {begin, (char *)bytes + size - w->picture.jpeg_size};
     const char *level = status(w, page, words, sizeof words);
-    // Only the page that sent an event is told that the picture shows the event.
+    // `event` is the number of the newest pointer event whose effect the picture shows. If another page sent the event,
+    // write 0.
     uint32_t event = kn_page_tool_event(&w->tool, w->picture.shown, page);
     put(&t,
         "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64
@@ -393,9 +394,8 @@ static json_t *control(const kn_web *w)
                       : w->client.status ? NULL
                       : *w->client.error ? w->client.error
                                          : "kneadd has not answered yet";
-    // A latched fault that lifting the tool does not clear needs the button Recover, as an emergency stop does. A fault
-    // of the page's own session does not need the button once the hand has left the tool, because this fault then ends
-    // by itself.
+    // If lifting the tool does not clear a latched fault, the page needs the button Recover, as after an emergency
+    // stop. A fault of this page's own session ends once the hand has left the tool. Recover is not needed then.
     const bool fault =
         mode && strcmp(mode, "FAULT") == 0 && (w->tool.news.mode != KN_POINTER_HAND_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);

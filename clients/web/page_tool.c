@@ -8,20 +8,20 @@
 #include <unistd.h>
 
 // A page on which the user presses sends a message every 50 ms. If the page sends no message for LET_GO_MS, it counts
-// as gone. The device's thread has this limit, too: if the main thread posts no wish for LET_GO_MS, the device's thread
-// lifts the tool.
+// as gone. The main thread is supervised in the same way: if the device's thread gets no wanted motion from it for
+// LET_GO_MS, the device's thread lifts the tool.
 #define LET_GO_MS 400
 #define IDLE_MS 2000 // after this time without pointer events another page may take the tool
 #define HELD_MS 5000 // after this time without pointer events another program may take the tool
 
-// Compute the next pose of the tool from the newest wish. This function runs every ms in the device's thread.
+// Compute the next pose of the tool from the newest wanted motion. This function runs every ms in the device's thread.
 static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_page_tool *t = self;
     bool fresh;
     kn_pointer_hand_wish wish = *(const kn_pointer_hand_wish *)kn_mailbox_latest(&t->wishes, &fresh);
-    // The main thread posts a wish at least every 100 ms. If no wish comes for LET_GO_MS, the main thread stands still,
-    // so the wish counts as stale.
+    // The main thread sends a wanted motion at least every 100 ms. If none comes for LET_GO_MS, the main thread hangs,
+    // so the last wanted motion is too old to be followed.
     t->stale_ms = fresh ? 0 : t->stale_ms + elapsed_ms;
     wish.stale = t->stale_ms > LET_GO_MS;
     kn_hand_out out = kn_pointer_hand_tick(&t->pointer, &wish, force, elapsed_ms);
@@ -51,8 +51,8 @@ bool kn_page_tool_is_taken(const kn_page_tool *t, int page)
     return t->owner != page && kn_page_tool_idle_ms(t) <= IDLE_MS;
 }
 
-// Post the current wish to the device's thread. If the page has sent no pointer event for HELD_MS, the wish releases
-// the tool, so that another program can take it.
+// Send the wanted motion of the tool to the device's thread. If the page has sent no pointer event for HELD_MS, the
+// wanted motion releases the tool, so that another program can take it.
 static void post_wish(kn_page_tool *t)
 {
     t->wish.held = kn_page_tool_idle_ms(t) <= HELD_MS && t->moving && t->wish.hover_z_m > 0;
@@ -90,8 +90,8 @@ static void let_go(kn_page_tool *t)
     if (t->moving) kn_virtual_device_stop(&t->device);
     t->moving = false;
     if (t->button != KN_BUTTON_UP) t->button = KN_BUTTON_BARRED;
-    // Reset the wish, because it was made for the old object. hover_z_m = 0 means that there is no tool. The numbers of
-    // event and press continue.
+    // Reset the wanted motion, because it was made for the old object. hover_z_m = 0 means that there is no tool. Keep
+    // the numbers of the last event and of the last press.
     t->wish = (kn_pointer_hand_wish){.event = t->wish.event, .press = t->wish.press};
     post_wish(t);
 }
@@ -131,8 +131,8 @@ bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
 }
 
 // Use the turned view for the pointer, too, even while a recording moves the tool. If a page turns the view during a
-// press, the pointer no longer moves the tool sideways in this press, because its place in the picture now stands for
-// another point of the object.
+// press, the pointer now stands for another point of the object. Therefore the pointer does not move the tool sideways
+// in the rest of this press.
 void kn_page_tool_look(kn_page_tool *t, const kn_camera_view *view)
 {
     t->turned = true;
@@ -168,10 +168,10 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
         return;
     }
     kn_page_tool_listen(t);
-    // True if the tool has reached the object's surface that was visible when the press began.
+    // true if the tool has reached the surface at which the press began
     const bool met = t->button == KN_BUTTON_PRESSES && t->news.depth_m > 0;
-    // Move the goal of the tool to the pointer while the button is up, or during a stroke. A press that has not reached
-    // the surface yet keeps its place.
+    // Aim the tool at the pointer while the button is up. During a press, aim only after the tool has reached the
+    // surface, so that the user can stroke the object. Before that, the tool comes down where the press began.
     if (t->button == KN_BUTTON_UP || (met && !t->turned)) kn_pointer_hand_reach_aim(&t->reach, m->u, m->v, &t->wish);
     // A press begins if the object is under the tool. A press beside the object has no effect until the button is
     // released.

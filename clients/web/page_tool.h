@@ -15,13 +15,14 @@
 #define KN_PAGE_TOOL_TRACE 256 // number of force samples kept for the pages, one sample per ms
 #define KN_PAGE_TOOL_EVENTS 64 // largest number of pointer events that wait at once for an answer of kneadd
 
-// State of the pointer's button. BESIDE: pressed where no object is. BARRED: down, but without effect before the button
-// is released.
+// State of the pointer's button. BESIDE: pressed beside the object. BARRED: still pressed, but ignored until it is
+// released.
 typedef enum kn_button { KN_BUTTON_UP, KN_BUTTON_PRESSES, KN_BUTTON_BESIDE, KN_BUTTON_BARRED } kn_button;
 
 typedef struct kn_page_tool_sample { // state of the tool in one millisecond, from the device's thread
     kn_pointer_hand_news news;
-    // Work of the hand and round trip in the newest force message; NaN: no force arrived in this millisecond.
+    // Values from the newest force message: work of the hand on the object, and round trip time. NaN: no force arrived
+    // in this millisecond.
     float work_mj, round_trip_ms;
 } kn_page_tool_sample;
 
@@ -41,18 +42,18 @@ typedef struct kn_page_tool {
     uint64_t traced;  // number of samples received so far; sample n is trace[n % KN_PAGE_TOOL_TRACE]
     int owner;        // index of the page that has the tool, -1: none
     kn_button button; // state of the pointer's button on the page that has the tool
-    int lent;         // number of the recording that moves the tool (is played), 0: none
-    // The fields below are used by page_tool.c only. scene, scene_hash: scene to which `def` and `reach` belong, which
-    // may have been freed already, and the hash of its text.
+    int lent;         // number of the recording that is being played and moves the tool, 0: none
+    // The fields below are used by page_tool.c only. scene: scene to which `def` and `reach` belong; it may have been
+    // freed already, so only its address is compared. scene_hash: hash of the scene's text.
     const kn_scene *scene;
     uint64_t scene_hash;
-    // Copy of *def and the spacing of the nodes, to compare the tool with that of the next scene after this scene has
-    // been freed.
+    // held: copy of *def; held_spacing_m: spacing of the nodes. When a next scene comes, its tool and spacing are
+    // compared with these copies, because the old scene has been freed by then.
     kn_probe_def held;
     double held_spacing_m;
     kn_virtual_device device;
     kn_pointer_hand pointer; // used by the device's thread only
-    int stale_ms;            // time since the device's thread last received a wish; used by the device's thread only
+    int stale_ms;            // time since the last new wanted motion; used by the device's thread only
     kn_mailbox wishes; // wanted motions of the tool (kn_pointer_hand_wish), from the main thread to the device's thread
     kn_pointer_hand_wish wish_slots[3];
     kn_ring samples; // queue of kn_page_tool_sample from the device's thread to the main thread

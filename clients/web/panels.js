@@ -41,7 +41,7 @@ function explain(id, words) {
     write($(id), words || '');
 }
 
-// Enable the buttons whose orders kneadd can carry out now, and tell why the others are disabled.
+// Enable the buttons whose orders kneadd can carry out now. Show why the other buttons are disabled.
 function showOperator({ why, orders, saves, snapshot, stopped }) {
     for (const what of ['undo', 'reset', 'recover']) $(what).disabled = Boolean(why);
     $('estop').disabled = !orders; // the emergency stop stays enabled as long as orders can be sent to kneadd

@@ -26,14 +26,14 @@ static void write_png(kn_picture *p, uint8_t *rgba)
         kn_image_write_png(p->png_path, p->width, p->height, rgba, p->png_error, sizeof p->png_error);
 }
 
-// Draw the still, compress it, and write a PNG if wanted.
+// Draw the object as stored in `still`, compress the picture, and write a PNG if wanted.
 static void draw(kn_picture *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
 {
     kn_object_still *s = &p->still;
     unsigned long size = 0;
     bool ready = !p->fresh || kn_renderer_mesh(r, s->vertex_count, (const float(*)[3])s->rest, s->triangle_count,
                                                (const int(*)[3])s->triangle);
-    // If the mesh cannot be loaded, this picture is empty, and loading is tried again for the next picture.
+    // If OpenGL cannot load the mesh, this picture is empty, and the next picture tries to load the mesh again.
     p->fresh = !ready;
     if (ready) {
         s->view.xyz = (const float(*)[3])s->now;
@@ -47,7 +47,7 @@ static void draw(kn_picture *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
     p->drawn_size = size;
 }
 
-// Run the thread: open OpenGL, post the semaphore `opened`, then draw a still each time that the semaphore `wake` is
+// Run the thread: open OpenGL, post the semaphore `opened`, then draw a picture each time that the semaphore `wake` is
 // posted.
 static void *run(void *self)
 {
@@ -83,18 +83,18 @@ static void *run(void *self)
 
 // ---- pictures
 
-// Update the still to the newest mesh. Return false if the mesh does not belong to the last received scene. The scene
+// Fill `still` from the newest mesh. Return false if the mesh does not belong to the last received scene. The scene
 // message that belongs to the mesh then comes within a second.
 static bool fill_still(kn_picture *p)
 {
     kn_object_still *s = &p->still;
     char error[400];
-    // If the mesh has the same topology as the still, only move the vertices.
+    // If `still` already contains this mesh with older positions, only move the vertices.
     if (p->mesh_id == p->live->mesh.mesh_id) return kn_object_still_update(s, p->live), true;
     kn_view_scene view = s->view;
     kn_object_still_free(s);
     s->view = view;
-    s->view.value = NULL; // clear the pointer to values of the old still
+    s->view.value = NULL; // forget the pointer to the values of the old mesh
     p->mesh_id = 0;
     if (!kn_object_still_live(s, p->live, error, sizeof error) || error[0]) return false;
     p->mesh_id = p->live->mesh.mesh_id;
@@ -108,8 +108,8 @@ bool kn_picture_measured(const kn_live_server *live, int measure)
            (measure == KN_MEASURE_RESIDUAL && live->mesh.residual_strain);
 }
 
-// Colour the still by the chosen measure. The scale follows the largest value with hysteresis, so that it does not
-// flicker.
+// Colour the object by the chosen measure. The scale follows the largest value with hysteresis, so that the colours do
+// not flicker.
 static void color(kn_picture *p)
 {
     // Smallest value at the top of the colour scale for each measure, in SI units. Smaller values are rounding errors.
@@ -133,9 +133,9 @@ static void label(kn_picture *p)
     p->label.scale = &p->scale;
 }
 
-// A picture can be late, because it waits for the next mesh message. After a late picture, the next one is due earlier,
-// which keeps the average rate. While the pointer moves, a picture that shows no new pointer event is delayed a little,
-// so that the thread is free when the mesh with the effect of the event comes.
+// Draw the next picture if it is due. A picture can be late, because it waits for the next mesh message. The picture
+// after a late one is due earlier, which keeps the average rate. While the user moves the pointer, a picture without
+// the effect of a new pointer event is delayed a little. The thread is then free when the mesh with that effect comes.
 void kn_picture_paint(kn_picture *p)
 {
     if (!p->live->scene || !kn_gateway_wants(p->gateway) || p->drawing) return;
@@ -292,7 +292,7 @@ bool kn_picture_open(kn_picture *p, char *error, size_t error_size)
     sem_init(&p->wake, 0, 0);
     sem_init(&p->opened, 0, 0);
     p->runs = pthread_create(&p->thread, NULL, run, p) == 0;
-    if (!p->runs) return snprintf(error, error_size, "no thread to draw in"), false;
+    if (!p->runs) return snprintf(error, error_size, "cannot start the drawing thread"), false;
     // Call sem_wait again if a signal has interrupted it.
     while (sem_wait(&p->opened) != 0)
         ;

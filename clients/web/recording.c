@@ -33,8 +33,8 @@ static void drop(kn_recordings *t, kn_recording *one)
 
 // ---- recording thread
 
-// Write the poses of a log as a path. Times start at 0, on the clock of the poses. Poses whose time does not increase
-// are left out.
+// Write the poses of a log as a table for `knead probe --path`. The times come from the poses and start at 0. Leave out
+// poses whose time does not increase.
 static bool write_path(const char *log_path, const char *probe, const char *path)
 {
     char channel[80];
@@ -335,7 +335,7 @@ bool kn_recordings_turn(kn_recordings *t)
 {
     const bool removed = tidy(t);
     const int64_t now_ms = kn_live_server_now_ms();
-    // Save the object at the first force of a recording, so that a replay can start from this state.
+    // Request a snapshot of the object at the first force of a recording, so that a replay can start from this state.
     kn_recording *one = t->now;
     if (t->client->save_refused) t->saved_of = 0;
     t->client->save_refused = false;

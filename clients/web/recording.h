@@ -56,9 +56,11 @@ typedef struct kn_recordings {
     char probe[64];
     ev_child child;
     bool child_plays, child_stopped;
-    // Time when the page stopped sending poses, so that a child process can start; 0: a child process sends the poses.
+    // Time when the page's hand was stopped so that a recording can be played; 0: the child process that plays the
+    // recording has been started.
     int64_t lent_ms;
-    // page: index of the page that is told when the verification or the playing ends, -1: none. id: id of its request.
+    // page: index of the page that gets an answer when the verification or the playing ends, -1: none. id: id of the
+    // page's request.
     int page;
     uint32_t id;
     int saved_of;     // last recording for which a snapshot was requested; 0: none, or kneadd refused
@@ -67,7 +69,7 @@ typedef struct kn_recordings {
 
 // Handle a request of a page: RECORD, VERIFY, PLAY or STOP.
 void kn_recordings_request(kn_recordings *recordings, int page, const kn_page_request *request);
-// Called ten times a second: continues the work that waits. Returns true if a recording was removed.
+// Called ten times a second: continues pending work. Returns true if a recording was removed.
 bool kn_recordings_turn(kn_recordings *recordings);
 void kn_recordings_gone(kn_recordings *recordings, int page);            // forgets a page
 kn_recording *kn_recordings_find(kn_recordings *recordings, int number); // returns a recording that is WHOLE, or NULL

@@ -3,7 +3,8 @@
 'use strict';
 const trace = document.getElementById('trace');
 // SPAN: time that the trace shows, ms. RING: number of samples that are kept, one per ms; more than SPAN, so that the
-// oldest column stays complete. LATE: lag of the samples behind the clock from which a gap is drawn, ms.
+// oldest column stays complete. LATE: if the samples lag behind the clock by more than this, the trace
+// gets a gap, ms.
 const SPAN = 10000, RING = 12000, LATE = 250;
 const TRACES = {
     force: { unit: 'N', least: 1, label: 'Force' },
@@ -11,7 +12,7 @@ const TRACES = {
     work: { unit: 'mJ', least: 1, label: 'Work of the hand on the object' },
     stored: { unit: 'mJ', least: 1, label: 'Energy that the object stores, audited once a second' },
     dissipated: { unit: 'mJ', least: 1, label: 'Energy dissipated since the object was new, audited once a second' },
-    trip: { unit: 'ms', least: 2, label: 'Time from a pose going out to its force coming in' },
+    trip: { unit: 'ms', least: 2, label: 'Time from sending a pose to receiving its force' },
 };
 for (const one of Object.values(TRACES)) one.ring = new Float32Array(RING).fill(NaN);
 let tick = 0, shown = 'force';

@@ -28,7 +28,8 @@ typedef struct kn_page_state {
     int64_t meshes;            // number of mesh messages received
     double meshes_hz;          // rate of the mesh messages
     double mesh_bytes;         // mean size of a mesh message, bytes
-    // Total size of all mesh messages so far; time, number and total size when the rate was last computed.
+    // all_mesh_bytes: total size of all mesh messages so far. counted_ms, counted_meshes, counted_bytes: time, number
+    // of messages and total size when the rate was last computed.
     int64_t all_mesh_bytes, counted_ms, counted_meshes, counted_bytes;
     int nodes, edges, cells; // numbers of nodes, edges and cells of the scene's model
     // JSON description of the scene and the state (tool, control, quality, recordings), sent to each page that does not

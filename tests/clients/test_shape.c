@@ -481,12 +481,12 @@ TEST("each impossible request is refused in one line")
     refuses("far.csv: 2 of 2 points are farther", SMALL " --points far.csv");
     refuses("few.csv: 1 points on the surface", SMALL " --points few.csv");
     refuses("no column z", SMALL " --points flat.csv");
-    refuses("missed.lcmlog: the finger never touches the object in it",
+    refuses("missed.lcmlog: the finger never touches the object in this log",
             DEPTH "--log missed.lcmlog --probe finger --force force.csv");
     refuses("bun.msh: the mesh is 60 x 60 x 24 mm, expected the object's 50 x 50 x 30 mm within 10 %; is --mesh-unit "
             "mm right?",
             DEPTH "--mesh " KN_SOURCE_DIR "/core/scenes/meshes/bun.msh --mesh-unit mm");
-    refuses("--png p.png: expected --depth or a force, points are not drawn",
+    refuses("--png p.png: expected --depth or a force, because points are not drawn",
             SMALL " --points points.csv --png p.png --out early.yaml");
     CHECK(access("early.yaml", F_OK) != 0);
     refuses("--finer: mesh is a mesh, expected a block", BUN " --depth depth.png --finer");
