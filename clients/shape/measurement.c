@@ -156,7 +156,7 @@ void kn_force_residual_compare(const kn_force_residual *p, const kn_press *press
     double sum_n[KN_FORCE_SPANS] = {0};
     int readings[KN_FORCE_SPANS] = {0};
     int64_t after = 1;
-    // Interpolate the model's force at the time of each reading and average over the span.
+    // Interpolate the model's force at the time of each reading, and average these forces over each span.
     for (int i = 0; i < p->count; i++) {
         while (after + 1 < pressed->ticks && press->time_s[after] < p->time_s[i]) after++;
         const double from_s = press->time_s[after - 1], to_s = press->time_s[after];

@@ -124,7 +124,8 @@ double kn_surface_residual_distance(const double point_m[3], const float (*now_m
 
 typedef struct kn_force_residual {
     int count; // number of readings
-    // [count] time_s: times of the readings since the press began, rising; force_n: forces, compression positive; owned
+    // [count] time_s: times of the readings on the clock of the press, rising from reading to reading; force_n: forces,
+    // compression positive; owned
     double *time_s, *force_n;
     double noise_n, most_n;      // noise_n: standard deviation of one reading; most_n: largest median of five readings
     int outliers;                // number of outliers that were left out

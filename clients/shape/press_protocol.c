@@ -78,7 +78,7 @@ static void find_hold(kn_press *p)
 // ---- press along the path of the first paper
 
 // Return the probe of this name. Without a name, return the first plate; if there is no plate, return the first probe.
-// If there is no such probe, write an error to `error` and return -1.
+// If the scene does not have the probe, write an error to `error` and return -1.
 static int choose_probe(const kn_model_def *def, const char *name, char *error, size_t error_size)
 {
     for (int i = 0; i < def->probe_count; i++)

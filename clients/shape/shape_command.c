@@ -154,7 +154,7 @@ static void *fit_next(void *of)
     }
 }
 
-// Fit all candidates with up to `jobs` threads, including this one.
+// Fit all candidates with up to `jobs` threads, including the calling thread.
 static int fit_all(kn_candidate *candidate, int count, const kn_measurement *m, int jobs)
 {
     pthread_t thread[KN_CANDIDATES];

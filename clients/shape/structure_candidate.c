@@ -251,7 +251,7 @@ static kn_trust_region search_of(const kn_candidate *c, const kn_measurement *m)
     static const double start_atm[] = {0.1, 0.5, 2.5};
     kn_trust_region s = {
         .unknowns = c->gas + c->area, .readings = m->readings, .misfit = press, .starts = c->gas ? 3 : 1};
-    // The factor on gamma comes after P0, if both are unknowns. Its search starts at 1.
+    // The factor on gamma comes after P0, if both are unknowns. The search for the factor starts at 1.
     s.name[c->gas] = "gamma";
     s.low[c->gas] = area_low;
     s.high[c->gas] = area_high;
@@ -444,8 +444,8 @@ static void tell(kn_structure_verdict *v, int count, const kn_candidate *c, cons
             best->name, v->off[v->best]);
         if (m->surfaces > 0) add(v, ", %.2g mm of the shape", 1e3 * best->misfit[0].height_m);
         if (m->has_force) add(v, ", %.2g %% of the force", 100 * best->force_share);
-        add(v, ": its parameters are only an approximation, since the material, the lattice or the set-up also differs "
-               "from the real one.");
+        add(v, ": its parameters are only an approximation, since the material, the lattice or the set-up is not the "
+               "real one.");
     }
     if (v->rival >= 0) tell_rival(v, c);
     for (int i = 0; i < count; i++)

@@ -87,7 +87,7 @@ kn_model_def kn_candidate_model(const kn_candidate *candidate, double pressure_p
 bool kn_candidate_fit(kn_candidate *candidate, const kn_measurement *measurement, void (*told)(void *of, int64_t ticks),
                       void *of);
 
-// Estimate how many ticks of presses the fit will simulate.
+// Estimate the number of ticks that all presses of the fit will simulate.
 double kn_candidate_work(const kn_candidate *candidate, const kn_measurement *measurement);
 
 // Return a scene with the fitted parameters, as canonical text that kneadd loads. The caller frees the text. On failure

@@ -85,8 +85,8 @@ static bool at_border(const kn_surface_residual *r, double x_m, double y_m)
     return column < 0.6 || row < 0.6 || column > f->width - 1.6 || row > f->height - 1.6;
 }
 
-// Measure the outline along all rays. A ray counts only if each of its subrays finds an edge, and no subray ends at the
-// tool or at the border of the image.
+// Measure the outline along all rays. A ray is compared only if each of its subrays finds an edge, and no subray ends
+// at the tool or at the border of the image.
 static void find_outline(kn_surface_residual *r, const kn_hidden_area *hidden)
 {
     const double far_m = hypot(r->frame.width, r->frame.height) * r->frame.pixel_m;
@@ -167,7 +167,7 @@ static mean mean_of(const kn_surface_residual *r, const uint16_t *level, double 
     return m;
 }
 
-// Divide the image into patches. A patch counts if at least half of its pixels are compared.
+// Divide the image into patches. A patch is compared if at least half of its pixels are compared.
 static bool make_patches(kn_surface_residual *r, double extent_m)
 {
     r->side = (int)fmax(PATCH_LEAST, extent_m / PATCHES / r->frame.pixel_m);
@@ -364,8 +364,8 @@ static void bulge_of(const kn_surface_residual *r, const double centre_m[2], con
     }
 }
 
-// Find the model's outline by sweeping over all edges of the triangles, and compare the outline with the measured one
-// along the rays that count.
+// Find the model's outline by sweeping over all edges of the triangles. Compare it with the measured outline along the
+// rays that are not left out.
 static double *compare_outline(const kn_surface_residual *r, const double centre_m[2], const kn_surface *mesh,
                                const float (*now_m)[3], double ray_m[KN_SURFACE_RAYS], double *residual,
                                double *squares)

@@ -144,7 +144,8 @@ static kn_fit fit_of(const kn_trust_region *s, double trust)
 
 // ---- the search for the minimum
 
-// Evaluate the model beside the best place, with one unknown larger, or smaller if the upper bound is near.
+// Increase one unknown from the best place and evaluate the model there. If the upper bound is near, decrease the
+// unknown instead.
 static bool evaluate_beside(kn_trust_region *s, int unknown)
 {
     double there[KN_TRUST_UNKNOWNS];

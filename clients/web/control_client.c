@@ -176,7 +176,7 @@ const char *kn_control_client_snapshots(const kn_control_client *c)
     return json_string_value(json_object_get(json_object_get(c->status, "state"), "directory"));
 }
 
-// Write the name of the scene and the snapshot directory. They identify the meaning of a generation number, because
+// Write the scene's name and the snapshot directory. A generation number is unique only together with both, because
 // kneadd numbers the snapshots of each scene in each directory separately.
 static void of_what(const kn_control_client *c, char text[sizeof c->snapshot_of])
 {

@@ -369,7 +369,8 @@ static bool certify(kn_gateway *g, SSL_CTX *tls)
 
 // ---- events of libwebsockets
 
-// Close a guest (connection without the token) that has stayed for GUEST_S. `s` is NULL before its first request.
+// Close a guest (connection without the token) that has stayed for GUEST_S. `s` is NULL if the connection has made no
+// request yet.
 static int send_away(kn_gateway *g, struct lws *wsi, session *s)
 {
     if (s && s->socket && !s->closing)

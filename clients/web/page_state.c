@@ -406,7 +406,7 @@ static json_t *control(const kn_web *w)
                      json_string_value(json_object_get(quality, "asked")));
 }
 
-// List the recordings, except an empty one. The words of a recording may be read only once its thread has finished.
+// List all recordings that are not empty. The words of a recording may be read only once its thread has finished.
 static json_t *recordings(const kn_web *w)
 {
     static const char *const states[] = {"waits", "runs", "whole", "failed"};

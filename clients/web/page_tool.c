@@ -185,7 +185,7 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
     }
     t->wish.pressed = t->button == KN_BUTTON_PRESSES;
     t->wish.depth_m = fmin(m->depth_m, kn_pointer_hand_reach_deepest(&t->reach, &t->wish));
-    // Number the event, so that a picture can say which events it shows.
+    // Number the event, so that a page can find out which of its events a picture shows.
     if (m->number != p->event) {
         int32_t n = ++t->wish.event % KN_PAGE_TOOL_EVENTS;
         t->event[n].number = p->event = m->number;

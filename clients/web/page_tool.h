@@ -57,8 +57,7 @@ typedef struct kn_page_tool {
     kn_mailbox wishes; // wanted motions of the tool (kn_pointer_hand_wish), from the main thread to the device's thread
     kn_pointer_hand_wish wish_slots[3];
     kn_ring samples; // queue of kn_page_tool_sample from the device's thread to the main thread
-    // True: the view was turned during this press, so the pointer's place in the picture no longer stands for a place
-    // on the object.
+    // True: the view was turned during this press, so moving the pointer no longer moves the tool over the object.
     bool turned;
     // Pointer events whose effect no picture has shown yet. tick: tick in which kneadd answered the event; INT64_MAX:
     // not answered yet.

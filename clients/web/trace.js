@@ -3,8 +3,8 @@
 'use strict';
 const trace = document.getElementById('trace');
 // SPAN: time that the trace shows, ms. RING: number of samples that are kept, one per ms; more than SPAN, so that the
-// oldest column stays complete. LATE: if the samples lag behind the clock by more than this, the trace
-// gets a gap, ms.
+// oldest column stays complete. LATE: the trace gets a gap if the samples lag behind the clock by
+// more than this, ms.
 const SPAN = 10000, RING = 12000, LATE = 250;
 const TRACES = {
     force: { unit: 'N', least: 1, label: 'Force' },

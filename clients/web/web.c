@@ -28,7 +28,7 @@ static const char help[] =
     "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only with\n"
     "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
     "certificate, whose fingerprint is printed with the address.\n\n"
-    "  --probe NAME       tool that the pointer moves (default: the scene's first round probe, else its first probe)\n"
+    "  --probe NAME       tool that the pointer moves (default: the scene's first round probe; if none, its first)\n"
     "  --address HOST     IPv4 address of this machine to serve the page at (default: 127.0.0.1)\n"
     "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
     "  --rate HZ          pictures per second, 5 to 60, at most the scene's mesh.rate (default: 30)\n"
