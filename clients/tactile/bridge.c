@@ -10,8 +10,8 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-// Priority of the bridge's thread (SCHED_FIFO). It is below that of kneadd's threads, so the bridge needs another
-// processor than the servo thread.
+// Priority of the bridge's thread (SCHED_FIFO). The threads of kneadd have higher priorities, so the bridge needs
+// another processor than kneadd's servo thread.
 static const int priority = 60;
 static const int retry_ms = 500;
 
@@ -26,7 +26,8 @@ bool kn_mount_basis(kn_device_def *d, const char *text, char *error, size_t erro
 {
     kn_device_def turned = *d;
     const char *at = text, *wrong = NULL;
-    // Read one optional sign and one letter per axis. Axes count from 1, and 0 marks an unknown letter.
+    // Read one optional sign and one letter per axis. The axes have the numbers 1 to 3; an unknown letter gets the
+    // number 0.
     for (int i = 0; i < 3; i++) {
         double sign = *at == '-' ? -1.0 : 1.0;
         at += *at == '-' || *at == '+';
@@ -73,8 +74,8 @@ void kn_bridge_lost(kn_bridge *b, const char *format, ...)
 
 static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
 
-// Give the device its newest force. The motors are enabled only if the link to kneadd is live and the device's own
-// watchdog is trusted.
+// Give the device its newest force. Enable the motors only if the session allows a force and the device's own watchdog
+// is trusted.
 static void answer(kn_bridge *b)
 {
     const kn_device_session *t = &b->now.session;
@@ -114,15 +115,15 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     b->last = pose;
     memcpy(b->now.position_m, pose.position_m, sizeof pose.position_m);
     b->now.buttons = pose.buttons;
-    // With the local model, the force for this pose is rendered at once. A device that sends a pose only as an answer
-    // to a force gets its force in the next tick instead.
+    // With the local model, compute and give the force for this pose at once. Exception: a device that sends a pose
+    // only as an answer to a force gets its force in the next tick.
     if (!t->render.def.local || b->device->answers) return;
     kn_device_session_give(t, now_s());
     answer(b);
 }
 
-// Take a force message. The session decides whether the force is accepted. After all waiting messages have been read,
-// the device gets the newest force.
+// Take a force message. The session decides whether the force is accepted. The device gets the newest force only after
+// all waiting messages have been read.
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
@@ -191,11 +192,11 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
 {
     kn_tactile *d = b->device;
     b->now.late += elapsed_ms - 1;
-    // Let the driver run first: it may report a pose or a loss in this ms.
+    // Let the driver run first, because it may report a pose or a loss in this tick.
     if (b->open && d->tick) d->tick(d, elapsed_ms);
     bool live = kn_device_session_live(&b->now.session);
     kn_device_session_tick(&b->now.session, now_s(), elapsed_ms);
-    // Call `give` in this ms even without a new force, so that a tripped watchdog switches the motors off at once.
+    // Call `give` in this tick even without a new force, so that a tripped watchdog switches the motors off at once.
     if (!b->answered || kn_device_session_live(&b->now.session) != live) answer(b);
     b->answered = false;
     // Close a lost device, and try every 500 ms to open a closed device.
@@ -217,8 +218,8 @@ static void on_timer(struct ev_loop *ev, ev_io *watcher, int events)
 {
     (void)ev, (void)events;
     kn_bridge *b = watcher->data;
-    // The timer counts the periods since the last read, so the watchdogs learn of a stall. A stall of more than 1 s
-    // counts as 1 s.
+    // The timer tells how many periods have passed since the last read, so the watchdogs notice a stall of this
+    // process. A stall of more than 1 s counts as 1 s.
     uint64_t times = 1;
     if (read(b->timer_fd, &times, sizeof times) == sizeof times) kn_bridge_tick(b, times < 1000 ? (int)times : 1000);
 }

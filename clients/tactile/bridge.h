@@ -47,8 +47,8 @@ typedef struct kn_tactile_pose { // pose, velocity and buttons of the tool, in t
 
 // State of the watchdog inside a device. This watchdog must switch the force off when this program stops running.
 typedef enum kn_own_watchdog {
-    // The device may get force: its watchdog has acted in a test, is waived by --no-watchdog, or the device has no
-    // motors.
+    // The device may get force for one of three reasons: its watchdog has acted in a test, the user gave --no-watchdog,
+    // or the device has no motors.
     KN_OWN_TRUSTED,
     KN_OWN_UNPROVED, // the device is open, but gets no force until its watchdog has acted in a test
     KN_OWN_MISSING   // the device's watchdog did not act in the test, so the device gets no force
@@ -66,16 +66,16 @@ typedef struct kn_tactile {
     void (*destroy)(struct kn_tactile *device);
     // Do the driver's periodic work. Called every ms while the device is open. NULL: the driver has no periodic work.
     void (*tick)(struct kn_tactile *device, int elapsed_ms);
-    // Set the force of the motors in the device's frame, N. live false: disable the motors. Called after every force
-    // from kneadd (with the local model, after every pose), and in every ms in which no force came. NULL: the device
-    // has no motors.
+    // Set the force of the motors in the device's frame, N. live false: disable the motors. The bridge calls this
+    // function after every force from kneadd; with the local model, after every pose instead. In a ms without such a
+    // call, the bridge calls the function at its 1 ms tick. NULL: the device has no motors.
     void (*give)(struct kn_tactile *device, const double force_n[3], bool live);
-    // The device sends a pose only as an answer to a force. The bridge then sends no force in reply to a pose, because
-    // poses and forces would cause each other without a pause.
+    // True: the device sends a pose only as an answer to a force. The bridge then never answers a pose with a force at
+    // once. Otherwise each pose would cause a force and each force a pose, without a pause.
     bool answers;
     kn_own_watchdog watchdog; // set by the driver at each opening
     // Counters of the driver.
-    int64_t messages; // number of messages of the device that contain a pose
+    int64_t messages; // number of messages from the device with a pose
     // bad: number of malformed messages; lost: number of missing messages, from gaps in the sequence numbers.
     int64_t bad, lost;
     char why[96];   // what was wrong with the last malformed message
@@ -86,10 +86,12 @@ typedef struct kn_tactile {
 typedef struct kn_bridge_news {
     kn_device_session session;
     bool there; // true: the device has given a pose since it was last opened
-    // Number of times that the device gave its first pose after an opening, and that it was lost after that.
+    // arrivals: number of openings after which the device has given a pose. losses: number of times that the device was
+    // lost after its first pose.
     int64_t arrivals, losses;
     char why[160]; // reason why the device was last lost
-    // messages, bad, lost: counters of the driver, see kn_tactile. late: total delay of the 1 ms timer [ms].
+    // messages, bad, lost: counters of the driver, see kn_tactile. late: number of periods of 1 ms that the timer has
+    // missed.
     int64_t messages, bad, lost, late;
     char bad_why[96], state[96];
     kn_own_watchdog watchdog;
@@ -126,8 +128,9 @@ struct kn_bridge {
 typedef struct kn_bridge_def {
     const char *url; // URL of the bus, see kn_bus_client_open
     const char *probe;
-    kn_haptic_render_def render; // the device, its mounting, and whether KNEAD_FORCE or the local model is rendered
-    int64_t session;             // number of the first session, random, not 0
+    // the device, its mounting, and the source of the force: KNEAD_FORCE or the local model
+    kn_haptic_render_def render;
+    int64_t session; // number of the first session, random, not 0
 } kn_bridge_def;
 
 // Join the bus, open the device and start the thread. On failure return false and one line in `error`. *bridge must be
@@ -135,14 +138,14 @@ typedef struct kn_bridge_def {
 bool kn_bridge_start(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 // Return the newest state of the bridge. It is valid until the next call of this function.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge);
-// Return 0, or the errno with which the system refused the priority SCHED_FIFO.
+// Return 0, or the errno of the refusal if the system has refused the real-time priority.
 int kn_bridge_priority_error(const kn_bridge *bridge);
 // Set the motors to zero force, close the device and end the thread.
 void kn_bridge_stop(kn_bridge *bridge);
 
 // The four functions below run a bridge in the caller's thread, without a timer. The caller calls kn_bridge_tick every
-// ms, and kn_bridge_hear as soon as bridge->bus has messages. elapsed_ms: time since the last tick. A driver that uses
-// bridge->ev cannot be opened with kn_bridge_open.
+// ms, and kn_bridge_hear as soon as bridge->bus has messages. elapsed_ms: time since the last tick. Here bridge->ev is
+// NULL, so kn_bridge_open cannot be used for a driver that needs bridge->ev.
 bool kn_bridge_open(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 void kn_bridge_hear(kn_bridge *bridge);
 void kn_bridge_tick(kn_bridge *bridge, int elapsed_ms);

@@ -9,7 +9,8 @@ void kn_device_session_init(kn_device_session *t, int64_t session, const kn_hapt
     *t = (kn_device_session){.session = session, .tick = -1};
     kn_haptic_render_init(&t->render, render);
     kn_haptic_render_begin(&t->render, session);
-    // Without messages, the local model stays valid for much longer than a single force, so its watchdog waits longer.
+    // The local model gives a force without new messages, and this force decays by itself. So with the local model, the
+    // watchdog over kneadd's forces waits longer.
     kn_watchdog_init(&t->forces, render->local ? KN_HAPTIC_RENDER_LOCAL_HOLD_MS : 0,
                      render->local ? KN_HAPTIC_RENDER_LOCAL_ZERO_MS : 0);
     kn_watchdog_init(&t->poses, 0, 0);
@@ -17,7 +18,8 @@ void kn_device_session_init(kn_device_session *t, int64_t session, const kn_hapt
 
 static bool sane(const double v[3]) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-// A force may be given if the mode is HELD, forces arrive, and no stop of the output stage has faded the force to zero.
+// The session allows a force if three conditions hold: the mode is HELD, forces arrive, and the output stage has not
+// faded the force to zero after a stop.
 bool kn_device_session_live(const kn_device_session *t)
 {
     bool stopped = t->render.stop && t->render.gain == 0.0;
@@ -64,7 +66,8 @@ bool kn_device_session_take(kn_device_session *t, const kn_device_session_force 
         t->late++;
         return false;
     }
-    // Measure the round trip with the first answer to a pose only. Further answers to this pose come ticks later.
+    // Measure the round trip only with the first answer to each pose. Further answers to the pose come in later ticks,
+    // so their age is more than the round trip.
     bool first = force->seq > t->answered && force->seq <= t->seq;
     if (!kn_haptic_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
         t->refused++; // a refused force does not reset the watchdog
@@ -99,8 +102,8 @@ static void begin_anew(kn_device_session *t)
     kn_watchdog_rearm(&t->poses);
 }
 
-// Return true if the session must end, so that a new one can begin. This is the case after a trip of kneadd's impulse
-// guard, after a trip of the own impulse guard once the force has faded, and when a link that was too slow has become
+// Return true if the session must end, so that a new one can begin. There are three reasons: kneadd's impulse guard has
+// tripped; this program's impulse guard has tripped and the force has faded; or a link that was too slow has become
 // fast enough again.
 static bool wants_anew(kn_device_session *t)
 {
@@ -130,7 +133,8 @@ void kn_device_session_tick(kn_device_session *t, double now_s, int elapsed_ms)
         t->silent_ms = t->silent_ms > elapsed_ms ? t->silent_ms - elapsed_ms : 0;
         if (t->silent_ms == 0 && pose) begin_anew(t);
     }
-    // Apply the watchdogs' factors of this tick to the force.
+    // Compute the force with the present factors of the watchdogs. With the local model, do not compute the force twice
+    // in one tick, except when the session ends.
     if (!t->given || silent || !t->render.def.local) kn_device_session_give(t, now_s);
     t->given = false;
 }

@@ -27,12 +27,12 @@ typedef struct kn_device_session { // link between one device and kneadd; read-o
     // Number of the present session, and number of the last pose sent in this session.
     int64_t session, seq;
     double position_m[3], velocity_m_s[3]; // newest position and velocity of the device, in the device's axes
-    // Output stage; render.given_n is the force that the motors must give now, in the device's axes.
+    // Output stage. render.given_n: force that the motors must give now, in the device's axes.
     kn_haptic_render render;
     int32_t flags, fault; // flags and fault of the newest force message
     int silent_ms;        // in mode SILENT, time until the silence ends
-    // Length of the tick in which the mode last became SILENT, ms. A value far above 1 means that this process itself
-    // did not run for that time.
+    // Length of the tick in which the mode last became SILENT, ms. If it is far above 1 ms, this process itself did not
+    // run for that time.
     int stalled_ms;
     kn_watchdog forces, poses;
     bool fresh_force, fresh_pose; // true: a force (a pose) has arrived since the last tick
@@ -43,8 +43,8 @@ typedef struct kn_device_session { // link between one device and kneadd; read-o
     int64_t sent, heard;          // number of poses sent, and of forces accepted, in all sessions of this device
     // Number of forces that belong to a session of another client. While this number grows, that client holds the tool.
     int64_t foreign;
-    // Number of forces whose tick is not newer than that of the last accepted force, because they were repeated or
-    // overtaken. They do not reset the watchdog.
+    // Number of forces whose tick is not newer than that of the last accepted force: repeated messages, or messages
+    // that a newer one has overtaken. Such a force does not reset the watchdog.
     int64_t late;
     int64_t refused; // number of poses and forces that contain a number that is not finite
     int64_t faults;  // number of sessions that ended because kneadd's impulse guard tripped
@@ -69,13 +69,13 @@ typedef struct kn_device_session_force { // force message of kneadd (fields of a
 // reset the watchdog over kneadd's forces.
 bool kn_device_session_take(kn_device_session *link, const kn_device_session_force *force);
 
-// Compute render.given_n. now_s: present time of any steady clock, s. Call this after every force; with the local
-// model, call it after every pose instead.
+// Compute render.given_n. now_s: present time of any steady clock, s. Call this function after every force; with the
+// local model, call it after every pose instead.
 void kn_device_session_give(kn_device_session *link, double now_s);
 
-// Advance both watchdogs and the mode by elapsed_ms. Call this every millisecond. The function also computes
-// render.given_n, except with the local model if kn_device_session_give has already computed it since the last tick.
-// When the mode becomes SILENT, given_n is always computed.
+// Advance both watchdogs and the mode by elapsed_ms. Call this function every ms. It also computes render.given_n. With
+// the local model, it computes given_n only in two cases: kn_device_session_give has not run since the last tick, or
+// the mode becomes SILENT in this tick.
 void kn_device_session_tick(kn_device_session *link, double now_s, int elapsed_ms);
 
 // Return true if the session may give a force, so that the motors may be enabled.

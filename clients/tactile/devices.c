@@ -1,4 +1,5 @@
-// knead devices: lists the haptic devices of this machine, and for each the reason why it is not ready and the remedy.
+// knead devices: lists the haptic devices of this machine. If a device is not ready, the list has the reason and the
+// remedy.
 #include "clients/tactile/devices.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
@@ -18,11 +19,11 @@
 static const char help[] =
     "usage: knead devices [--json]\n\n"
     "List the devices of this machine that can serve as a hand: spacenavd, Haply's Inverse Service, serial lines and\n"
-    "haptic devices on USB. Each entry tells how to use the device, which `device:` of a scene fits it, what is\n"
-    "missing, and the fix. No device is opened.\n\n"
+    "haptic devices on USB. Each entry has the command for the device and the `device:` that a scene needs. If the\n"
+    "device is not ready, the entry has the reason and the fix. No device is opened.\n\n"
     "  --json       print JSON\n"
     "  --root DIR   search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
-    "Exit codes: 0 for any result, 2 bad input.\n";
+    "Exit codes: 0 the list was printed, 2 bad input.\n";
 
 // Known USB devices. Columns: vendor, product (-1: any), true for a puck (3D mouse), name, most suitable profile. knead
 // drives pucks through spacenavd.
@@ -119,7 +120,8 @@ static void find_haply(kn_found *f)
     if (!f->ready) set(f->fix, "start Haply Hub, or: systemctl start haply-inverse-service");
 }
 
-// Describe one serial line: its USB vendor and product, and the permission that the user lacks.
+// Describe one serial line. The entry has its USB vendor and product. If the user may not open the line, the entry also
+// has the missing permission and the remedy.
 static void find_tty(kn_found *f, const char *root, const char *path)
 {
     char device[PATH_MAX];
@@ -127,15 +129,15 @@ static void find_tty(kn_found *f, const char *root, const char *path)
     strcpy(f->kind, "tty");
     set(f->where, "%s", path + strlen(root));
     snprintf(device, sizeof device, "%s/sys/class/tty/%s/device/..", root, strrchr(path, '/') + 1);
-    // A ttyUSB lies one directory deeper than a ttyACM, so its USB device is one level further up.
+    // In /sys, a ttyUSB lies one directory deeper than a ttyACM, so the USB device of a ttyUSB is one level further up.
     if (hex(device, "idVendor") == 0) strcat(device, "/..");
     if (hex(device, "idVendor") != 0) name_usb(f, device);
     set(f->use, "knead hand paddle --tty %s", f->where);
     f->profile = "unknown";
     f->ready = stat(path, &s) == 0 && access(path, R_OK | W_OK) == 0;
     if (f->ready) return;
-    // If the user lacks permission and the group of the device file may read and write, the lasting remedy is to join
-    // this group.
+    // If the group of the device file may read and write the file, the user can join this group, which is a lasting
+    // remedy.
     const struct group *g = getgrgid(s.st_gid);
     set(f->missing, "no permission");
     if (g && (s.st_mode & 0060) == 0060) set(f->fix, "sudo usermod -aG %s $USER, and log in again", g->gr_name);
@@ -178,8 +180,8 @@ int kn_devices_find(const char *root, kn_found *found)
     char pattern[PATH_MAX];
     glob_t list;
     bool puck = false;
-    // The services spacenavd and Inverse Service come first in the list. The entry of spacenavd is completed after the
-    // USB search, which tells whether a puck is present.
+    // The first two entries of the list are spacenavd and the Inverse Service. They are filled in last, because the
+    // search for USB devices tells whether a puck is present.
     int n = 2;
     memset(found, 0, KN_DEVICES_MAX * sizeof *found);
     const char *const ttys[] = {"ACM", "USB"};
@@ -209,7 +211,7 @@ static void print_lines(const kn_found *found, int count)
     for (const kn_found *f = found; f < found + count; f++) {
         ttys += !strcmp(f->kind, "tty");
         printf("%-9s %s%s%s%s%s\n", f->kind, f->where, *f->usb ? "  " : "", f->usb, *f->name ? "  " : "", f->name);
-        if (f->ready) printf("          ready: %s, scene with `device: %s`\n", f->use, f->profile);
+        if (f->ready) printf("          ready: %s, with a scene that has `device: %s`\n", f->use, f->profile);
         else printf("          %s\n          fix: %s\n", f->missing, f->fix);
     }
     if (ttys == 0) printf("tty       no /dev/ttyACM* or /dev/ttyUSB*: no serial device is plugged in\n");

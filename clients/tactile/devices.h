@@ -34,8 +34,8 @@ int kn_devices_find(const char *root, kn_found *found);
 // Read the first line of a file, without its end. Return false if the file cannot be read or is empty.
 bool kn_devices_read_line(const char *path, char *line, size_t size);
 
-// Print {key: list} as JSON, and free the list. Return KN_EXIT_OK. If memory is short, print an error message that
-// begins with the name of the command, and return KN_EXIT_INTERNAL.
+// Print a JSON object that has `list` as the value of the name `key`. Free `list`. Return KN_EXIT_OK. If memory is
+// short, print an error message that begins with the name of the command, and return KN_EXIT_INTERNAL.
 int kn_devices_print(const char *command, const char *key, json_t *list);
 
 #endif

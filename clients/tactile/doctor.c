@@ -1,4 +1,5 @@
-// knead doctor: checks this machine for real time, LCM and devices, and lists each problem with its remedy.
+// knead doctor: checks that this machine is ready for real time, LCM and devices. It lists each problem with its
+// remedy.
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
 #include "clients/tactile/devices.h"
@@ -32,13 +33,13 @@
 static const char help[] =
     "usage: knead doctor [--json] [--seconds N]\n\n"
     "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time priority,\n"
-    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, groups of\n"
-    "the user, permissions of devices. Then run a thread that sleeps until each millisecond, as the servo thread of kneadd\n"
+    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, the user's\n"
+    "groups, and the permissions of devices. Then run a thread that sleeps until each millisecond, as the servo thread of kneadd\n"
     "does, and measure how late it wakes up.\n\n"
     "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
     "  --json        print JSON\n"
     "  --root DIR    search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
-    "Exit codes: 0 nothing is missing, 1 something is missing, 2 bad input.\n";
+    "Exit codes: 0 all checks have passed, 1 a check has failed, 2 bad input.\n";
 // clang-format on
 
 #define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)
@@ -57,7 +58,7 @@ typedef struct findings {
     check check[CHECKS_MAX];
 } findings;
 
-// Append a check. The formatted text goes to its field `found`.
+// Append a check with the given name. Write the formatted text to the field `found` of the check.
 __attribute__((format(printf, 4, 5))) static check *add(findings *f, const char *name, bool good, const char *format,
                                                         ...)
 {
@@ -81,7 +82,8 @@ __attribute__((format(printf, 2, 3))) static void fix(check *c, const char *form
     va_end(arguments);
 }
 
-// Run a function in a child process, so that its effects end with the child. Return its errno, 0 for success.
+// Run a function in a child process, so that its effects end with the child. Return 0, or the errno of the function if
+// it has failed.
 static int attempt(int (*what)(void))
 {
     fflush(stdout);
@@ -106,7 +108,7 @@ static int lock_memory(void)
 
 // --- checks of the machine ---
 
-// Real-time priority, locked memory and the kernel's limit on real-time threads.
+// Check the real-time priority, the locked memory and the kernel's limit on real-time threads.
 static void look_at_limits(findings *f)
 {
     int error = attempt(take_priority);
@@ -122,22 +124,22 @@ static void look_at_limits(findings *f)
     fix(c,
         "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; sudo groupadd -fr knead; sudo usermod -aG "
         "knead $USER; log in again");
-    // The kernel limits real-time threads to a part of each second. A limit below 90 % could stop a busy servo loop. A
-    // negative value stands for no limit.
+    // The kernel lets real-time threads run for a limited part of each second. A limit below 90 % could stop a busy
+    // servo loop. A negative value means no limit.
     char word[32];
     if (!kn_devices_read_line("/proc/sys/kernel/sched_rt_runtime_us", word, sizeof word)) return;
     long us = strtol(word, NULL, 10);
     c = add(f, "throttling", us < 0 || us >= 900000,
-            us < 0 ? "none: a real-time thread that does not sleep stops the machine"
-                   : "real-time threads get %ld us of a second",
+            us < 0 ? "no limit: a real-time thread that does not sleep stops the machine"
+                   : "real-time threads get at most %ld us of each second",
             us);
     fix(c, "sudo sysctl kernel.sched_rt_runtime_us=950000");
 }
 
-// Route of LCM's multicast group and size of the socket buffers.
+// Check the route of LCM's multicast group and the size of the socket buffers.
 static void look_at_bus(findings *f)
 {
-    // Text that separates the problem from the remedy in error messages of server/bus.c.
+    // In error messages of server/bus.c, this text stands between the problem and the remedy.
     static const char also[] = "; as root: ";
     char error[512], word[32];
     kn_bus bus;
@@ -152,8 +154,8 @@ static void look_at_bus(findings *f)
     fix(c, "%s%s", cure ? "as root: " : "unset LCM_DEFAULT_URL", cure ? cure + strlen(also) : "");
     if (!kn_devices_read_line("/proc/sys/net/core/rmem_max", word, sizeof word)) return;
     long bytes = strtol(word, NULL, 10);
-    // Root may exceed rmem_max, so the limit does not matter for root.
-    c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "the receive buffer of a socket may have %ld KiB",
+    // For root, the limit rmem_max does not matter, because root may exceed it.
+    c = add(f, "buffers", geteuid() == 0 || bytes >= BUFFER_BYTES, "a socket may have a receive buffer of %ld KiB",
             bytes >> 10);
     fix(c, "sudo sysctl net.core.rmem_max=%d", BUFFER_BYTES);
 }
@@ -166,13 +168,13 @@ static void look_at_processor(findings *f)
     glob_t list;
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     check *c = add(f, "processors", processors >= 2, "%ld", processors);
-    fix(c, "two processors: on one, the servo loop and its clients wait for each other");
+    fix(c, "use a machine with two processors: on one processor, the servo loop and its clients wait for each other");
     // Without FMA instructions the results are right, but every tick takes longer than its millisecond.
     c = add(f, "instructions", kn_isa_supported(KN_ISA_AVX2), "%s",
             kn_isa_supported(KN_ISA_AVX512) ? "AVX-512"
             : kn_isa_supported(KN_ISA_AVX2) ? "AVX2 and FMA"
                                             : "no FMA: correct results, but no real time");
-    fix(c, "a processor with AVX2 and FMA: of 2013 or later");
+    fix(c, "use a processor with AVX2 and FMA (built since 2013)");
     if (glob("/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor", 0, NULL, &list) == 0) {
         size_t slow = 0;
         for (size_t i = 0; i < list.gl_pathc; i++)
@@ -184,11 +186,11 @@ static void look_at_processor(findings *f)
     }
     if (kn_devices_read_line("/sys/devices/system/clocksource/clocksource0/current_clocksource", word, sizeof word)) {
         c = add(f, "clock", strcmp(word, "hpet") != 0 && strcmp(word, "acpi_pm") != 0, "%s", word);
-        fix(c, "add clocksource=tsc to the kernel's parameters: reading %s takes a microsecond", word);
+        fix(c, "add clocksource=tsc to the kernel's parameters: reading the clock %s takes a microsecond", word);
     }
     bool full = uname(&kernel) == 0 && strstr(kernel.version, "PREEMPT_RT");
     add(f, "kernel", true, "%s%s", kernel.release,
-        full ? ", PREEMPT_RT" : ", without PREEMPT_RT: apt install linux-image-rt-amd64 where ticks are late");
+        full ? ", PREEMPT_RT" : ", without PREEMPT_RT: if ticks are late, apt install linux-image-rt-amd64");
 }
 
 enum { GROUPS = 256 };
@@ -207,16 +209,17 @@ static bool has_group(gid_t group, bool by_now)
     return !by_now && getegid() == group;
 }
 
-// Check that the user is a member of `group`. whose: text that says what members of the group may do.
+// Check that the user is a member of `group`. whose: the right of the group, for the message, such as "owns
+// /dev/ttyACM0".
 static void look_at_group(findings *f, const struct group *group, const char *whose)
 {
     char name[64];
-    // Copy the data of *group, because a later call of getgrnam or getgrgid may overwrite them.
+    // Copy the data of *group, because a later call of getgrnam or getgrgid may overwrite *group.
     snprintf(name, sizeof name, "%s", group->gr_name);
     gid_t id = group->gr_gid;
     bool needed = geteuid() != 0, has = has_group(id, false), soon = has_group(id, true);
     check *c = add(f, "group", !needed || has, "%s, %s: %s", name, whose, has ? "a member" : "not a member");
-    if (!needed && !has) snprintf(c->found, sizeof c->found, "%s, %s: root does not need it", name, whose);
+    if (!needed && !has) snprintf(c->found, sizeof c->found, "%s, %s: root need not be a member", name, whose);
     if (soon) fix(c, "log in again: this session is older than the membership");
     else fix(c, "sudo usermod -aG %s $USER; log in again", name);
 }
@@ -225,10 +228,10 @@ static void look_at_group(findings *f, const struct group *group, const char *wh
 static void look_at_groups(findings *f, const char *root, const kn_found *found, int count)
 {
     const struct group *knead = getgrnam("knead");
-    if (knead) look_at_group(f, knead, "may use knead ctl");
+    if (knead) look_at_group(f, knead, "may send commands with knead ctl");
     else
         add(f, "group", true,
-            "no group knead: kneadd.service is not installed; a kneadd started by hand accepts its user");
+            "no group knead: kneadd.service is not installed; a kneadd that you start yourself accepts your commands");
     gid_t told[KN_DEVICES_MAX];
     int tolds = 0;
     for (int i = 0; i < count; i++) {
@@ -236,7 +239,8 @@ static void look_at_groups(findings *f, const char *root, const kn_found *found,
         struct stat node;
         bool known = false;
         snprintf(path, sizeof path, "%s%s", root, found[i].where);
-        // Look at serial lines only, and only if the group may read and write the device file and other users may not.
+        // Check a group only if it gives access to a serial line: the group may read and write the device file, and
+        // other users may not.
         if (strcmp(found[i].kind, "tty") != 0 || stat(path, &node) != 0 || (node.st_mode & 0066) != 0060) continue;
         for (int t = 0; t < tolds; t++) known |= told[t] == node.st_gid;
         const struct group *owner = known ? NULL : getgrgid(node.st_gid);
@@ -254,7 +258,7 @@ static void look_at_devices(findings *f, const char *root)
     look_at_groups(f, root, found, count);
     for (int i = 0; i < count; i++) {
         const kn_found *d = &found[i];
-        // Check no service: spacenavd and the Inverse Service are optional.
+        // Do not check the services spacenavd and Inverse Service, because they are optional.
         bool service = strcmp(d->kind, "tty") != 0 && strcmp(d->kind, "usb") != 0;
         if (!service) fix(add(f, d->kind, d->ready, "%s: %s", d->where, d->ready ? d->use : d->missing), "%s", d->fix);
     }
@@ -269,7 +273,7 @@ typedef struct wakes {
     int64_t count, missed, late_ns[];
 } wakes;
 
-// Sleep until each millisecond, as the servo loop does, and record the lateness of each wake.
+// Sleep until each millisecond, as the servo loop does, and record the lateness of each wake-up.
 static void *sleep_by_milliseconds(void *arg)
 {
     wakes *w = arg;
@@ -283,8 +287,8 @@ static void *sleep_by_milliseconds(void *arg)
     return NULL;
 }
 
-// Run the measuring loop in a real-time thread. Judge the number of missed ticks and the 99th percentile (p99) of the
-// lateness.
+// Run the measuring loop in a real-time thread. The check fails if too many ticks were missed, or if the 99th
+// percentile (p99) of the lateness is too high.
 static void measure(findings *f, int seconds)
 {
     kn_rt rt;
@@ -298,14 +302,16 @@ static void measure(findings *f, int seconds)
         qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], kn_ascending_i64);
         double p50 = 1e-3 * (double)w->late_ns[w->count / 2], p99 = 1e-3 * (double)w->late_ns[w->count * 99 / 100];
         double most = 1e-6 * (double)w->late_ns[w->count - 1];
-        // A tick with an ordinary object takes half a millisecond, so a wake-up may be late by half a millisecond.
+        // A tick with an ordinary object takes half a millisecond. So a wake-up may be late by the other half of the
+        // millisecond.
         check *c = add(f, "wakes", w->missed * 1000 <= w->count && p99 <= 500,
-                       "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (most)",
+                       "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (maximum)",
                        1000 * seconds, w->missed, p50, p99, most);
         fix(c, "%s",
-            rt.fifo ? "use a dedicated machine (a virtual one stands still while its host does other things), no other "
-                      "real-time work, PREEMPT_RT"
-                    : "get real-time priority first: see the check `priority`");
+            rt.fifo
+                ? "use a machine of its own without other real-time work, with PREEMPT_RT; a virtual machine stands "
+                  "still while its host does other work"
+                : "get real-time priority first: see the check `priority`");
     }
     free(w);
 }

@@ -1,5 +1,6 @@
-// knead hand: connects a real device to a running kneadd. The thread that serves the device is in bridge.h. This file
-// reads the options, places the device's zero in the scene, starts the bridge, and reports on device and bridge.
+// knead hand: connects a real device to a running kneadd. This file reads the options, places the device's zero in the
+// scene, starts the bridge, and reports on device and bridge. The bridge (bridge.h) runs the thread that serves the
+// device.
 #include "clients/cli/commands.h"
 #include "clients/cli/command.h"
 #include "clients/hand/bus_client.h"
@@ -27,8 +28,8 @@
 
 typedef enum hand_kind { KN_HAND_PADDLE, KN_HAND_SPACENAV, KN_HAND_HAPLY } hand_kind;
 
-// Parsed options. NULL or 0 means that the option was not given, except for baud, puck.turn_rad_s, device_id and
-// preset, which hold their defaults.
+// Parsed options. If an option was not given, its field is NULL or 0. Exceptions: baud, puck.turn_rad_s, host, port,
+// device_id and preset then have default values.
 typedef struct hand_options {
     hand_kind kind;
     const char *probe; // NULL: the first round probe of the scene, or the first probe if none is round
@@ -55,38 +56,39 @@ static const char help[] =
     "       knead hand spacenav [--speed V] [--turn W] [--dead N] [--reach L] [OPTION]...\n"
     "       knead hand haply [--url URL] [--device ID] [--preset NAME] [OPTION]...\n\n"
     "Use a real device as the hand of a running kneadd: send its poses as they come, and give its motors each force as soon\n"
-    "as kneadd sends it. A watchdog sets the force to 0 N 20 ms after the last force or the last pose; then follow 1.2 s of\n"
-    "silence and a new session, which begins with the tool clear of the object. The same happens if a force would jump by\n"
-    "more than the scene's device.guard. Forces older than 5 ms are refused. If the device disappears, this program waits\n"
-    "for it. It runs until SIGINT or SIGTERM, then prints its counters. UNTESTED ON HARDWARE: all drivers have been tested\n"
-    "with simulated devices only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
+    "as kneadd sends it. If no force or no pose comes for 20 ms, a watchdog sets the force to 0 N. This program then sends no\n"
+    "pose for 1.2 s, and begins a new session. In the new session the tool feels a force only after it has been clear of the\n"
+    "object. The same happens if the force jumps so much that the impulse guard trips (device.guard of the scene). If the\n"
+    "round trip to kneadd is above 5 ms, the force is 0 N. If the device disappears, this program waits for it. It runs until\n"
+    "SIGINT or SIGTERM, then prints its counters. UNTESTED ON HARDWARE: all drivers have been tested with simulated devices\n"
+    "only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
     "  paddle    force-feedback paddle with one degree of freedom on a serial line (Hapkit class): 20-byte frames, see\n"
-    "            clients/tactile/README.md. Its position is z\n"
+    "            clients/tactile/README.md. The paddle moves along the z axis of the device\n"
     "    --tty DEVICE   serial line, e.g. /dev/ttyACM0; knead devices lists candidates\n"
     "    --baud N       " KN_PADDLE_BAUDS "\n"
     "                   (default: 921600)\n"
     "  spacenav  3Dconnexion puck through spacenavd and libspnav: six degrees of freedom, no force. The deflection of the\n"
-    "            puck sets the velocity of the tool; its buttons become those of the pose\n"
+    "            puck sets the velocity of the tool; the pose has the buttons of the puck\n"
     "    --speed V      speed at full deflection (default: '5 cm/s')\n"
     "    --turn W       rad/s at full twist; 0 keeps the tool's orientation (default: 1)\n"
     "    --dead N       dead zone in counts; full deflection is 350 counts (default: 15)\n"
-    "    --reach L      largest distance from the zero along each axis (default: '8 cm'); downwards at most half the\n"
-    "                   object's height, since without force nothing else stops the tool\n"
+    "    --reach L      largest distance from the zero along each axis (default: '8 cm'). The tool also stays above\n"
+    "                   half the object's height, because no force stops the hand\n"
     "  haply     Inverse3 or Minverse through Haply's Inverse Service 3.5: three degrees of freedom with force, and the\n"
     "            orientation and buttons of a grip\n"
     "    --url URL      address of the service, ws://HOST:PORT (default: " KN_HAPLY_URL ")\n"
     "    --device ID    arm to use (default: the first)\n"
-    "    --preset NAME  placement of the arm, a preset of the service (default: " KN_HAPLY_PRESET ")\n\n"
-    "  --probe NAME        tool of the scene (default: its first round one, else its first probe)\n"
+    "    --preset NAME  preset of the service for the placement of the arm (default: " KN_HAPLY_PRESET ")\n\n"
+    "  --probe NAME        tool of the scene (default: the first round tool, else the first tool)\n"
     "  --origin X,Y,Z      place of the device's zero in the scene, like '0,0,6 cm' (default: device.position; if this is 0,\n"
     "                      over the middle of the object, with the tool 2 cm above the object)\n"
     "  --basis PERMUTATION axes of the device along x, y and z of the scene, like XYZ or Y-XZ (default: device.basis; XYZ\n"
     "                      is x to the right, y forward, z up)\n"
     "  --scale F           metres of the scene per metre of the device (default: device.scale)\n"
     "  --local             paddle, haply: compute the force here, from the contact that kneadd --local-model sends and the\n"
-    "                      device's own poses; needed if the round trip is above 5 ms, where forces are refused\n"
+    "                      device's own poses; needed if the round trip is above 5 ms, which is too long for kneadd's forces\n"
     "  --force-limit F     largest force of the motors, like '3 N' (default: device.clamp; 3.3 N for the profile bench)\n"
-    "  --no-watchdog       paddle, haply: give force even if the device has not shown a watchdog of its own\n"
+    "  --no-watchdog       paddle, haply: give force without a test of the device's own watchdog\n"
     "  --seconds N         end after N seconds\n"
     "  --lcm-url URL       bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL      bus of meshes (default: " KN_MESH_URL ")\n"
@@ -96,8 +98,8 @@ static const char help[] =
 
 #define DEVICES "paddle, spacenav or haply"
 
-// Read a quantity and convert it to `unit_text`. A number without a unit has the unit *otherwise. If `otherwise` is
-// NULL, such a number is refused. *said: the unit that the text has, or *otherwise.
+// Read a quantity and convert it to the unit `unit_text`. If the text has no unit, use the unit *otherwise, or return
+// false if `otherwise` is NULL. Write the unit that was used to *said.
 static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
 {
     kn_unit unit;
@@ -112,7 +114,8 @@ static bool quantity(const char *text, const char *unit_text, const kn_unit *oth
     return isfinite(*value);
 }
 
-// Read three lengths. The last must have a unit, and the others use this unit if they have none.
+// Read three lengths. The last length must have a unit. This unit also applies to the other two lengths if they have
+// none.
 static const char *take_origin(void *options, const char *text)
 {
     hand_options *o = options;
@@ -130,8 +133,7 @@ static const char *take_basis(void *basis, const char *text)
     char why[128];
     kn_device_def any;
     *(const char **)basis = text;
-    // Check the text of the basis now, with a temporary device. The scene's device, to which the basis applies, is not
-    // known yet.
+    // Check the text of the basis now, with a temporary device, because the device of the scene is not known yet.
     kn_mount_init(&any);
     if (kn_mount_basis(&any, text, why, sizeof why)) return NULL;
     kn_complain("hand", KN_EXIT_USAGE, "--basis %s: %s", text, why);
@@ -154,7 +156,7 @@ static const char *take_url(void *options, const char *text)
     return kn_haply_url(text, o->host, &o->port) ? NULL : "ws://HOST:PORT";
 }
 
-// Read the name of the device, which is the only argument that is not an option.
+// Read the kind of device. It is the only argument that is not an option.
 static int device(hand_options *o, int count, char **names)
 {
     if (count != 1)
@@ -165,7 +167,7 @@ static int device(hand_options *o, int count, char **names)
     return KN_OPTIONS_READ;
 }
 
-// Check that the options go together, and that the URLs are valid.
+// Check that the options fit together, and that the URLs are valid.
 static int check(const hand_options *o)
 {
     char error[256];
@@ -221,24 +223,25 @@ static int parse(hand_options *o, int argc, char **argv)
 static const int scene_wait_ms = 4000; // longest wait for KNEAD_SCENE, which comes every 1 s
 static const int look_ms = 50;         // interval at which the state of the bridge is read
 static const int answer_ms = 3000;     // time without a force after which the missing answer is reported
-// If a tick takes at least this time, this process itself stood still.
+// Shortest tick, ms, that is reported as a stall of this process.
 static const int stalled_ms = 10;
 // Shortest time between two reports of bad messages, so that they cannot fill a terminal.
 static const int bad_ms = 10000;
 static const double above_m = 0.02; // height of the tool above the object at the start
-// Force limit that replaces the limit of the profile `bench`, which describes a virtual hand. The value is the smallest
-// force limit of the common devices.
+// Force limit that replaces the limit of the profile `bench`, because this profile describes a virtual hand. The value
+// is the smallest force limit of the common real devices.
 static const double cautious_n = 3.3;
-static const double thinnest = 0.5; // fraction of the object's height that must remain under a tool steered by a puck
+static const double thinnest =
+    0.5; // lowest height of the underside of a tool that a puck steers, as a fraction of the object's height
 
 // State of the reports, so that each event is reported once.
 typedef struct told {
     kn_bridge_news last; // state of the bridge at the last report
-    // bad_ms, far_ms: times of the last reports of bad messages and of a slow link. answer_ms: time since which no
-    // force has come.
+    // bad_ms: time of the last report of bad messages. far_ms: time of the last report of a slow link. answer_ms: time
+    // since which no force has come.
     int64_t bad_ms, far_ms, answer_ms;
     int64_t model_ms; // time since which forces have come without contact messages
-    int64_t foreign;  // number of forces for other clients when a force of this session last arrived
+    int64_t foreign;  // value of the session's counter `foreign` when the last force of this session came
     bool unanswered, modelless;
 } told;
 
@@ -279,22 +282,25 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
                                        .level = tool->shape == KN_PROBE_PLATE,
                                        .guard_n_per_ms = scene->limits.guard_n_per_ms,
                                        .local = o->local,
-                                       // A puck has no motors, so a late force can do no harm.
+                                       // A puck has no motors, so a force that comes late can do no harm: never stop
+                                       // the output stage for a slow link.
                                        .held = o->kind == KN_HAND_SPACENAV};
     kn_model_def_extent(&scene->model, extent_m);
-    // Zero of the device: set by the option or by the scene, otherwise above the middle of the object.
+    // The zero of the device comes from the option --origin, or else from the scene. If both are missing, place the
+    // zero above the middle of the object.
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
     else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0)
         at_m[2] = extent_m[2] + kn_tool_height_m(tool) + above_m;
     // Apply the option --basis. Its text was checked when the options were parsed.
     if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error);
-    // The bench profile allows more force than real devices bear, so its limit is replaced.
     if (o->scale > 0.0) d->scale = o->scale;
+    // Without the option --force-limit, replace the limit of the bench profile, because real devices do not bear so
+    // much force.
     if (o->force_limit_n > 0.0) d->force_limit_n = o->force_limit_n;
     else if (!strcmp(d->name, "bench")) d->force_limit_n = cautious_n;
     kn_device_axes(d, axes);
-    // Limit how deep a tool steered by a puck can go. If the mount is tilted, only --reach limits the tool, because the
-    // device's z axis does not point up.
+    // Limit how deep a tool steered by a puck can go. If the mount is tilted, the device's z axis does not point up, so
+    // only --reach limits the tool.
     bool upright = axes[2][2] > 0.999;
     h->opt.puck.floor_m = upright ? (thinnest * extent_m[2] + kn_tool_height_m(tool) - at_m[2]) / d->scale : -INFINITY;
 }
@@ -326,21 +332,21 @@ static int look_at_scene(hand *h)
     return code;
 }
 
-// ---- reports to the user: each event is reported once, bad messages are reported at most every 10 s
+// ---- reports to the user: each event is reported once, and bad messages at most every 10 s
 
 // Report losses, arrivals and bad messages of the device.
 static void tell_device(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
 {
     const kn_bridge_news *last = &t->last;
     if (n->losses > last->losses)
-        fprintf(stderr, "knead hand: %s lost: %s; 0 N, tried again twice a second\n", name, n->why);
+        fprintf(stderr, "knead hand: %s lost: %s; the force is 0 N; retrying twice a second\n", name, n->why);
     if (n->arrivals > last->arrivals && last->arrivals > 0) fprintf(stderr, "knead hand: %s is back\n", name);
     if (n->bad <= last->bad || (last->bad > 0 && now_ms - t->bad_ms < bad_ms)) return;
     fprintf(stderr, "knead hand: %s: %s\n", name, n->bad_why);
     t->bad_ms = now_ms;
 }
 
-// Report stops of the output stage: a trip of the impulse guard, a link that is too slow, missing contact messages.
+// Report three events: a trip of the impulse guard, a link that is too slow, and missing contact messages.
 static void tell_stop(told *t, const kn_device_session *r, const char *then, int64_t now_ms)
 {
     const kn_haptic_render *n = &r->render, *last = &t->last.session.render;
@@ -355,21 +361,22 @@ static void tell_stop(told *t, const kn_device_session *r, const char *then, int
     if (!misses) t->model_ms = now_ms, t->modelless = false;
     if (t->modelless || now_ms - t->model_ms < answer_ms) return;
     t->modelless = true;
-    fprintf(stderr, "knead hand: forces, but no contact messages for 3 s: 0 N; start kneadd with --local-model\n");
+    fprintf(stderr, "knead hand: kneadd sent forces but no contact messages for 3 s: the force is 0 N; start kneadd "
+                    "with --local-model\n");
 }
 
 // Report watchdog trips, faults of kneadd, and missing forces.
 static void tell_session(told *t, const kn_bridge_news *n, const char *name, int64_t now_ms)
 {
     const kn_device_session *r = &n->session, *last = &t->last.session;
-    const char *then = "0 N; 1.2 s of silence, then a new session";
+    const char *then = "the force is 0 N; a new session begins after 1.2 s without poses";
     bool force = r->forces.trips > last->forces.trips, pose = r->poses.trips > last->poses.trips;
     // If the tick lasted 10 ms or more, this process itself stood still, so neither the device nor kneadd caused the
     // trip.
     if ((force || pose) && r->stalled_ms >= stalled_ms)
         fprintf(stderr, "knead hand: this program did not run for %d ms: %s\n", r->stalled_ms, then);
     else if (force) fprintf(stderr, "knead hand: no force from kneadd for 20 ms: %s\n", then);
-    else if (pose && n->there) fprintf(stderr, "knead hand: nothing from the %s for 20 ms: %s\n", name, then);
+    else if (pose && n->there) fprintf(stderr, "knead hand: no pose from the %s for 20 ms: %s\n", name, then);
     if (r->faults > last->faults) fprintf(stderr, "knead hand: kneadd's impulse guard has tripped: %s\n", then);
     tell_stop(t, r, then, now_ms);
 
@@ -377,7 +384,7 @@ static void tell_session(told *t, const kn_bridge_news *n, const char *name, int
     if (r->flags & KN_FLAG_LATCHED && !(last->flags & KN_FLAG_LATCHED))
         fprintf(stderr, "knead hand: kneadd: %s: %s\n", kn_fault_name((kn_fault)r->fault),
                 kn_fault_remedy((kn_fault)r->fault));
-    // The loss of the device was already reported, so do not report missing forces.
+    // While the device is lost, do not report missing forces, because the loss was already reported.
     bool away = !n->there && n->arrivals > 0;
     if (r->heard > last->heard || away) t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
     if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
@@ -400,8 +407,9 @@ static void tell_tool(const kn_bridge_news *n)
            : n->session.mode == KN_SESSION_SILENT           ? "silent"
            : n->session.render.stop == KN_HAPTIC_RENDER_FAR ? "round trip above 5 ms: 0 N"
            : n->session.flags & KN_FLAG_REENGAGE_LIFT       ? "lift the tool"
-           : n->session.flags & KN_FLAG_ENGAGED ? n->session.render.def.local ? "in the model, local" : "in the model"
-                                                : n->state);
+           : n->session.flags & KN_FLAG_ENGAGED
+               ? n->session.render.def.local ? "in the model, local force" : "in the model"
+               : n->state);
     fflush(stdout);
 }
 
@@ -413,23 +421,23 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
            t->heard, t->render.largest_n, t->render.clamped);
     if (motors)
         printf("knead hand: energy given to the hand %.3g mJ, force damped in %" PRId64
-               " periods; impulse guard limited %" PRId64 ", tripped %" PRId64 "; round trip %.1f ms%s\n",
+               " periods; impulse guard limited %" PRId64 " forces, tripped %" PRId64 " times; round trip %.1f ms%s\n",
                1e3 * t->render.passivity.given_j, t->render.passivity.acted, t->render.guards, t->render.reflexes,
-               1e3 * t->render.round_trip_s, t->render.refusals ? ", refused" : "");
+               1e3 * t->render.round_trip_s, t->render.refusals ? ", too long for a force" : "");
     if (t->render.def.local)
-        printf("knead hand: local model, %" PRId64 " messages in the last session, rejected %" PRId64 "\n",
+        printf("knead hand: local model: %" PRId64 " contact messages used in the last session, %" PRId64 " rejected\n",
                t->render.model.taken, t->render.model.refused);
-    printf("knead hand: tripped by silence of kneadd %" PRId64 ", of the device %" PRId64 ", by faults %" PRId64
-           "; forces for other clients %" PRId64 "\n",
+    printf("knead hand: sessions ended by silence of kneadd %" PRId64 ", by silence of the device %" PRId64
+           ", by kneadd's impulse guard %" PRId64 "; forces for other clients %" PRId64 "\n",
            t->forces.trips, t->poses.trips, t->faults, t->foreign);
-    printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", missing %" PRId64 ", lost %" PRId64
-           ", there %" PRId64 ", late %" PRId64 " ms%s%s%s%s\n",
-           name, n->messages, n->bad, n->lost, n->losses, n->arrivals, n->late, *n->bad_why ? "; last bad: " : "",
-           n->bad_why, *n->state ? "; " : "", n->state);
+    printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", missing %" PRId64 "; device found %" PRId64
+           " times, lost %" PRId64 " times; timer late by %" PRId64 " ms in all%s%s%s%s\n",
+           name, n->messages, n->bad, n->lost, n->arrivals, n->losses, n->late,
+           *n->bad_why ? "; last bad message: " : "", n->bad_why, *n->state ? "; " : "", n->state);
 }
 
-// Report changes of the bridge's state until the end. Return KN_EXIT_DEVICE if the device's own watchdog has failed its
-// test, because the device would keep a force that this program no longer renews.
+// Report changes of the bridge's state until the end. If the test of the device's own watchdog has failed, return
+// KN_EXIT_DEVICE: the device would go on giving a force when this program stops.
 static int watch(hand *h)
 {
     const char *name = h->device.base.name;
@@ -440,12 +448,13 @@ static int watch(hand *h)
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_server_now_ms();
-        // The test of the device's own watchdog has failed, so it would not be safe to continue.
+        // It is not safe to continue after the test of the device's own watchdog has failed.
         if (n->watchdog == KN_OWN_MISSING)
-            return kn_complain("hand", KN_EXIT_DEVICE,
-                               "the %s kept its motor on during 100 ms of silence: if this program dies, the force "
-                               "stays. --no-watchdog accepts that",
-                               name);
+            return kn_complain(
+                "hand", KN_EXIT_DEVICE,
+                "the watchdog of the %s has not acted in 100 ms of silence, so the force would stay on if "
+                "this program died; --no-watchdog gives force without this test",
+                name);
         tell_session(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
         h->told.last = *n;
@@ -465,15 +474,16 @@ static int run(hand *h)
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
     else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset, h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
-    // The number of the first session is random except for its low 20 bits. They leave room for the numbers of later
-    // sessions, which count up.
+    // The number of the first session is random, except for its low 20 bits. Each later session has the next number,
+    // and the low 20 bits leave room for that.
     def.session = 1 + ((int64_t)random << 20);
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);
     if (kn_bridge_priority_error(&h->bridge))
         fprintf(stderr, "knead hand: no real-time priority (%s): poses and forces may be late\n",
                 strerror(kn_bridge_priority_error(&h->bridge)));
-    printf("knead hand: %s on probe %s as device %s, its zero at %g, %g, %g mm, at most %g N; untested on hardware\n",
+    printf("knead hand: %s on probe %s as device %s, its zero at %g, %g, %g mm, force at most %g N; untested on "
+           "hardware\n",
            h->device.base.name, h->probe, d->name, 1e3 * d->position_m[0], 1e3 * d->position_m[1],
            1e3 * d->position_m[2], d->force_limit_n);
     fflush(stdout);
@@ -490,7 +500,7 @@ int kn_hand_main(int argc, char **argv)
     if (!h) return complain(KN_EXIT_INTERNAL, "out of memory");
     int code = parse(&h->opt, argc, argv);
     if (code == KN_OPTIONS_READ) {
-        // libspnav and sockets raise SIGPIPE when a device is gone. The bridge handles the loss.
+        // Ignore SIGPIPE, which libspnav and sockets raise when a device is gone. The bridge handles the loss.
         signal(SIGPIPE, SIG_IGN);
         sigaction(SIGINT, &stop, NULL);
         sigaction(SIGTERM, &stop, NULL);

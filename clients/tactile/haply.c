@@ -15,7 +15,7 @@
 
 // ---- messages
 
-// Limits above which a position or a velocity is not plausible. No arm of Haply's is larger than farthest_m.
+// Limits of a plausible position and velocity. The reach of every arm of Haply's is smaller than farthest_m.
 static const double farthest_m = 1.0, fastest_m_s = 100.0;
 
 bool kn_haply_id_known(const char *id)
@@ -24,8 +24,8 @@ bool kn_haply_id_known(const char *id)
     return n > 0 && n < KN_HAPLY_ID && !id[n];
 }
 
-// Read the numbers with one-letter names from a JSON object. Return false if a number is missing, or if its magnitude
-// is above `most`.
+// Read numbers from a JSON object. Each letter of `names` is the name of one number. Return false if a number is
+// missing, or if its magnitude is above `most`.
 static bool numbers(const json_t *object, const char *names, double most, double *value)
 {
     for (; *names; names++, value++) {
@@ -43,7 +43,7 @@ static bool orientation(const json_t *object, double wxyz[4])
     double q[4];
     if (!numbers(object, "wxyz", 1.1, q)) return false;
     double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(fabs(size - 1.0) < 0.1)) return false; // tolerate errors of rounding: the service sends four digits
+    if (!(fabs(size - 1.0) < 0.1)) return false; // tolerate rounding errors: the service sends four digits
     kn_turn_unit(q, wxyz);
     return true;
 }
@@ -58,12 +58,12 @@ static void read_grip(const json_t *root, kn_haply_state *s)
         s->grip = orientation(json_object_get(grip, "orientation"), s->pose.orientation_wxyz);
         for (int b = 0; s->grip && b < 3; b++)
             if (json_is_true(json_object_get(buttons, (const char *[]){"a", "b", "c"}[b]))) s->pose.buttons |= 1 << b;
-        // Some grips have a single field "button" instead of "buttons".
+        // Some grips have a single button, in the field "button" instead of "buttons".
         if (s->grip && json_is_true(json_object_get(grip, "button"))) s->pose.buttons |= 1;
     }
 }
 
-// Return the wanted arm, or the first arm with a valid id if device_id is "".
+// Return the arm with this id. If device_id is "", return the first arm with a valid id.
 static const json_t *find(const json_t *arms, const char *device_id)
 {
     for (size_t i = 0; i < json_array_size(arms); i++) {
@@ -74,7 +74,8 @@ static const json_t *find(const json_t *arms, const char *device_id)
     return NULL;
 }
 
-// Check and read the arm's part of a message. Position and velocity are required. All other fields have defaults.
+// Check and read the arm's part of a message. The message must have position and velocity. All other fields have
+// defaults.
 static kn_haply_heard read_arm(const json_t *root, const char *device_id, kn_haply_state *s, char *error, size_t size)
 {
     const json_t *arms = json_object_get(root, "inverse3"), *arm = find(arms, device_id);
@@ -142,10 +143,11 @@ int kn_haply_ask(char text[KN_HAPLY_MESSAGE])
 
 // ---- connection
 
-static const size_t largest = 1 << 18; // largest message, bytes: an inventory of many devices takes some thousand
-static const int patience_ms = 1000;   // longest wait for an answer of the service before the service counts as lost
-static const int ask_ms = 500;         // interval at which the inventory is requested while the wanted arm is missing
-static const int reach_ms = 300;       // longest wait until the service accepts a connection
+// largest message, bytes; the inventory of many devices has only a few thousand bytes
+static const size_t largest = 1 << 18;
+static const int patience_ms = 1000; // longest wait for an answer of the service before the service counts as lost
+static const int ask_ms = 500;       // interval at which the inventory is requested while the wanted arm is missing
+static const int reach_ms = 300;     // longest wait until the service accepts a connection
 
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
 {
@@ -206,8 +208,8 @@ static int64_t proof_ns(const kn_haply *h) { return kn_now_ns() - h->greeted_ns;
 
 // ---- conversation with the service
 
-// Request a write to the service, unless an answer of the service is pending or the watchdog test (proof) requires
-// silence.
+// Request a write to the service. Do nothing if an answer of the service is pending, or if the watchdog test (proof)
+// needs silence.
 static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
@@ -224,8 +226,8 @@ static int write_message(kn_haply *h)
     if (!h->in_flight) return 0;
     h->asked = proves(h) && kn_now_ns() - h->sent_ns >= ASKED_NS;
     h->sent_ns = kn_now_ns();
-    // If no arm is known, or at the end of the silence in the watchdog test, ask for the inventory. Send the greeting
-    // to a new arm. Otherwise send the force.
+    // Ask for the inventory if no arm is known, or at the end of the silence in the watchdog test. Send the greeting to
+    // a new arm. Otherwise send the force.
     int size = !*h->device_id || h->asked ? kn_haply_ask(text)
                : h->greeted               ? kn_haply_push(text, h->device_id, h->force_n)
                                           : kn_haply_greet(text, h->device_id, h->preset);
@@ -243,26 +245,26 @@ static void take(kn_haply *h)
     bool known = *h->device_id;
     h->in_flight = false;
     h->silent_ms = 0;
-    // Before an arm is selected, look for the wanted one. Afterwards, read only the selected arm.
+    // Before an arm is selected, look for the wanted arm. Afterwards, read only the selected arm.
     switch (kn_haply_read(h->message, h->length, known ? h->device_id : h->wanted, &s, error, sizeof error)) {
     case KN_HAPLY_MALFORMED: kn_tactile_bad(&h->base, "%s", error); break;
     case KN_HAPLY_ABSENT:
         if (known) kn_bridge_lost(h->bridge, "the Inverse Service no longer has arm %s", h->device_id);
-        else snprintf(h->base.state, sizeof h->base.state, "the service has no arm %s", h->wanted);
+        else snprintf(h->base.state, sizeof h->base.state, "the Inverse Service has no arm %s", h->wanted);
         return;
     case KN_HAPLY_STATE:
         // The first message that contains the arm is the inventory. Answer the inventory with the greeting.
         if (!known) strcpy(h->device_id, s.device_id), h->wanted_force = true;
         h->base.messages++;
         snprintf(h->base.state, sizeof h->base.state, "arm %s%s%s", s.device_id, s.grip ? " with a grip" : "",
-                 s.calibrated ? "" : ", not calibrated: put its grip on the rest");
-        // The answer at the end of the watchdog test decides: an idle arm has dropped its force, so the service's
-        // watchdog works.
+                 s.calibrated ? "" : ", not calibrated: put the arm's grip on its rest");
+        // The answer at the end of the watchdog test decides the test. If the arm is idle, it has dropped its force, so
+        // the service's watchdog works.
         if (h->asked && proves(h)) h->base.watchdog = s.idle ? KN_OWN_TRUSTED : KN_OWN_MISSING;
         // Do not pass on the position in the inventory, because it was measured before the preset was selected.
         if (known && s.calibrated && !proves(h)) kn_bridge_moved(h->bridge, &s.pose);
     }
-    // If a force came while a message was under way, send the force now.
+    // If a force has come while the answer to a message was pending, send the force now.
     if (*h->device_id && h->wanted_force) send_next(h);
 }
 
@@ -304,7 +306,8 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 // ---- driver interface
 
-// Start libwebsockets on the bridge's libev loop, once. The context of libwebsockets outlives a lost connection.
+// Start libwebsockets on the bridge's libev loop when the device is first opened. The context of libwebsockets stays in
+// use when a connection is lost.
 static bool start_library(kn_haply *h)
 {
     static const struct lws_protocols protocols[] = {{"haply", on_event, 0, 1 << 16, 0, NULL, 0},
@@ -327,7 +330,7 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     kn_haply *h = (kn_haply *)device;
     h->bridge = bridge;
     if (!kn_haply_reach(h->host, h->port, error, error_size)) return false;
-    // Write each error message before the step that may fail. If the step fails, `error` has the reason.
+    // Before each step that may fail, write its error message to `error`.
     snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
     if (!start_library(h)) return false;
     // Reset the state of the previous connection, and test the service's watchdog again.
@@ -354,7 +357,7 @@ static void close_haply(kn_tactile *device)
 {
     kn_haply *h = (kn_haply *)device;
     struct lws *wsi = h->wsi;
-    // Ignore events of the old connection from here on.
+    // From here on, ignore events of the old connection.
     h->wsi = NULL;
     h->connected = false;
     if (wsi) lws_set_timeout(wsi, PENDING_TIMEOUT_CLOSE_SEND, LWS_TO_KILL_ASYNC);
@@ -379,7 +382,8 @@ static void tick(kn_tactile *device, int elapsed_ms)
 {
     kn_haply *h = (kn_haply *)device;
     h->silent_ms += elapsed_ms;
-    // While the wanted arm is missing, ask for it again. If the service does not answer, report it as lost.
+    // Ask for the inventory again every 500 ms while the wanted arm is missing. Report the service as lost if it has
+    // not answered for 1 s.
     if (!*h->device_id && h->connected && !h->in_flight && h->silent_ms >= ask_ms) send_next(h);
     if (h->silent_ms >= patience_ms) kn_bridge_lost(h->bridge, "the Inverse Service has not answered for 1 s");
 }

@@ -49,7 +49,7 @@ typedef enum kn_haply_heard {
     KN_HAPLY_MALFORMED // the message is malformed; `error` has one line
 } kn_haply_heard;
 
-// Read one message of the service. device_id: the wanted arm, or "" for the first arm.
+// Read one message of the service. device_id: id of the wanted arm; "": the first arm.
 kn_haply_heard kn_haply_read(const char *text, size_t size, const char *device_id, kn_haply_state *state, char *error,
                              size_t error_size);
 bool kn_haply_id_known(const char *device_id); // returns true if the text has the form of a device id
@@ -98,7 +98,7 @@ typedef struct kn_haply {
 // Split ws://HOST:PORT. Return false for any other form.
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port);
 // Prepare the driver without connecting. preset: the text must outlive the driver. device_id: "" for the first arm.
-// unwatched: give force without first testing that the service drops a force that is not renewed.
+// unwatched: give force without a test of the service's watchdog, which must drop a force that is not renewed.
 void kn_haply_init(kn_haply *haply, const char *host, int port, const char *device_id, const char *preset,
                    bool unwatched);
 

@@ -16,7 +16,7 @@ static const uint8_t frame_begin[2] = {'K', 'N'};
 
 uint16_t kn_paddle_frame_crc(const uint8_t *bytes, size_t size)
 {
-    // Compute the CRC bit by bit. A table would save at most 2 us of every ms.
+    // Compute the CRC bit by bit, because a table would save at most 2 us in each ms.
     unsigned crc = 0xffff;
     for (size_t i = 0; i < size; i++) {
         crc ^= (unsigned)bytes[i] << 8;
@@ -33,7 +33,7 @@ int32_t kn_paddle_frame_number(double value, double unit)
     return n >= INT32_MAX ? INT32_MAX : n <= INT32_MIN ? INT32_MIN : (int32_t)n;
 }
 
-// Bytes are written and read one at a time, so the code does not depend on the host's byte order.
+// Write and read single bytes, so that the code does not depend on the host's byte order.
 static void put32(uint8_t *at, int32_t value)
 {
     for (int i = 0; i < 4; i++) at[i] = (uint8_t)((uint32_t)value >> 8 * i);
@@ -77,7 +77,7 @@ bool kn_paddle_decoder_push(kn_paddle_decoder *d, uint8_t byte, kn_paddle_frame 
 {
     const uint8_t *b = d->bytes;
     d->bytes[d->count++] = byte;
-    // The buffer must begin with the possible start of a frame. skip() drops all bytes before such a start.
+    // The buffer must begin with the letters K N, or with K if it has one byte. skip() drops all other bytes.
     if (b[0] != frame_begin[0] || (d->count > 1 && b[1] != frame_begin[1])) skip(d);
     if (d->count < KN_PADDLE_FRAME_SIZE) return false;
     // If checksum or kind is wrong, search for the next frame inside the bytes already read.
@@ -94,7 +94,7 @@ bool kn_paddle_decoder_push(kn_paddle_decoder *d, uint8_t byte, kn_paddle_frame 
                                .force_un = get32(b + 14)};
     d->count = 0;
     uint16_t gap = (uint16_t)(frame->seq - d->seq - 1);
-    // If the gap in seq is half its range or more, the sender has restarted its counter. Then count no lost frames.
+    // If seq jumps by half its range or more, the sender has restarted its counter, so count no lost frames.
     if (d->frames++ > 0 && gap < 0x8000) d->lost += gap;
     d->seq = frame->seq;
     return true;
@@ -102,8 +102,8 @@ bool kn_paddle_decoder_push(kn_paddle_decoder *d, uint8_t byte, kn_paddle_frame 
 
 // ---- driver
 
-// Largest number of bytes that may wait in the serial line when a command is sent. A command behind more bytes would be
-// out of date on arrival.
+// Largest number of bytes that may wait in the serial line when a command is sent. With more waiting bytes, the command
+// would reach the motor too late.
 static const int waiting_most = 2 * KN_PADDLE_FRAME_SIZE;
 
 static const struct {
@@ -147,19 +147,20 @@ static void judge_watchdog(kn_paddle *p, const kn_paddle_frame *f)
 {
     bool tripped = f->flags & KN_PADDLE_FRAME_TRIPPED;
     int64_t age_ns = kn_now_ns() - p->begun_ns;
-    // After the watchdog test (proof), `armed` stays set until a command without enable has cleared the trip.
+    // When the watchdog test (proof) has succeeded, `armed` stays set until a command without enable has cleared the
+    // trip.
     p->armed &= tripped || p->base.watchdog == KN_OWN_UNPROVED;
     if (p->base.watchdog != KN_OWN_UNPROVED) return;
     // If the paddle reports a trip during the silence, its watchdog is proved. If the paddle reports no trip by
-    // JUDGED_NS, it has no watchdog. If the paddle never reported that its motor was on, start the test again, up to
-    // PROOFS times.
+    // JUDGED_NS, it has no watchdog. If the paddle never reported that its motor was on, start the test again. After
+    // PROOFS tests, judge that the paddle has no watchdog.
     if (age_ns > ENABLED_NS && age_ns <= SILENT_NS && !tripped && f->flags & KN_PADDLE_FRAME_MOTOR) p->armed = true;
     if (age_ns > SILENT_NS && p->armed && tripped) p->base.watchdog = KN_OWN_TRUSTED;
     else if (age_ns > JUDGED_NS && (p->armed || p->proofs == PROOFS)) p->base.watchdog = KN_OWN_MISSING;
     else if (age_ns > JUDGED_NS) begin_proof(p);
 }
 
-// Return true if the watchdog test (proof) sends a command now. *live: true if this command has the flag enable.
+// Return true if the watchdog test (proof) needs a command now. Set *live if this command must have the flag enable.
 static bool prove(kn_paddle *p, bool *live)
 {
     int64_t now_ns = kn_now_ns(), age_ns = now_ns - p->begun_ns;
@@ -180,8 +181,8 @@ static void take(kn_paddle *p, const kn_paddle_frame *f)
     pose.velocity_m_s[2] = 1e-6 * f->velocity_um_s;
     p->base.messages++;
     snprintf(p->base.state, sizeof p->base.state, "motor %s%s%s%s", f->flags & KN_PADDLE_FRAME_MOTOR ? "on" : "off",
-             f->flags & KN_PADDLE_FRAME_TRIPPED ? ", its watchdog tripped" : "",
-             f->flags & KN_PADDLE_FRAME_SATURATED ? ", saturated" : "", p->held_back ? ", line too slow" : "");
+             f->flags & KN_PADDLE_FRAME_TRIPPED ? ", paddle's watchdog tripped" : "",
+             f->flags & KN_PADDLE_FRAME_SATURATED ? ", saturated" : "", p->held_back ? ", serial line too slow" : "");
     kn_bridge_moved(p->bridge, &pose);
 }
 
@@ -222,8 +223,8 @@ static bool setup(int fd, int baud)
     t.c_cflag &= (tcflag_t) ~(CSTOPB | PARENB | CRTSCTS | HUPCL);
     t.c_cflag |= CS8 | CLOCAL | CREAD;
     if (cfsetspeed(&t, speed_of(baud)) != 0 || tcsetattr(fd, TCSANOW, &t) != 0) return false;
-    // Request low latency, because USB adapters otherwise collect bytes for up to 16 ms. A line that rejects the
-    // request does not collect bytes.
+    // Request low latency, because USB adapters otherwise collect bytes for up to 16 ms. Ignore a failure: a line that
+    // rejects the request does not collect bytes.
     struct serial_struct line;
     if (ioctl(fd, TIOCGSERIAL, &line) == 0) {
         line.flags = (int)((unsigned)line.flags | ASYNC_LOW_LATENCY);
@@ -239,13 +240,13 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
     p->fd = open(p->tty, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
     // TIOCEXCL: no second program may open the line while this program drives the motor.
     if (p->fd < 0 || ioctl(p->fd, TIOCEXCL) != 0 || !setup(p->fd, p->baud)) {
-        snprintf(error, error_size, "%s: %s%s; knead devices lists what is there", p->tty,
+        snprintf(error, error_size, "%s: %s%s; knead devices lists the serial lines", p->tty,
                  errno == ENOTTY ? "no serial line" : strerror(errno),
                  errno == EACCES ? ", join the group dialout" : "");
         if (p->fd >= 0) close(p->fd);
         return false;
     }
-    // After each opening, the decoder starts with an empty frame and the watchdog test starts from its beginning.
+    // After each opening, empty the decoder and begin a watchdog test.
     p->deframer.count = 0;
     p->base.watchdog = p->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     p->proofs = 0;
@@ -269,8 +270,8 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
     kn_paddle *p = (kn_paddle *)device;
     uint8_t bytes[KN_PADDLE_FRAME_SIZE];
     int waiting = 0;
-    // After the watchdog test (proof), send no enable until the trip is cleared. During the test, send only the
-    // commands of the test, with 0 N.
+    // During the watchdog test (proof), send only the commands of the test, with 0 N. After the test, send no enable
+    // until the trip is cleared.
     if (p->base.watchdog != KN_OWN_UNPROVED) live &= !p->armed;
     else if (!prove(p, &live)) return;
     else force_n = (double[3]){0};

@@ -56,8 +56,8 @@ int32_t kn_paddle_frame_number(double value, double unit);
 
 // Decoder that finds the frames in a sequence of bytes. The caller sets `kind` and zeroes all other fields.
 typedef struct kn_paddle_decoder {
-    // Kind of frame that this decoder accepts. A frame of the other kind counts as bad: it must be an echo of a frame
-    // that this side sent.
+    // Kind of frame that this decoder accepts. A frame of the other kind counts as bad, because it must be an echo of a
+    // frame that this side has sent.
     kn_paddle_frame_kind kind;
     int64_t frames;
     int64_t bad;     // number of times that 20 bytes began with the letters K N but had a wrong CRC or kind
@@ -90,8 +90,8 @@ typedef struct kn_paddle {
     kn_paddle_decoder deframer;
     uint16_t seq;
     // The proof is a test of the paddle's own watchdog, made after each opening of the line. unwatched: give force
-    // without the proof. armed: during the proof, the paddle has reported that its motor was on; after the proof, the
-    // paddle's watchdog is still tripped, and a command without enable must clear the trip.
+    // without the proof. armed, during the proof: the paddle has reported that its motor was on. armed, after the
+    // proof: the paddle's watchdog is still tripped, and a command without enable must clear the trip.
     bool unwatched, armed;
     int proofs; // number of watchdog tests (proofs) begun since the line was opened
     // begun_ns: start of the present watchdog test (proof); given_ns: time of its last command.

@@ -12,7 +12,7 @@
 
 // ---- steering
 
-// lag_s: time constant of the lag between puck and tool. dt_s: time that one call of step() covers.
+// lag_s: time constant of the lag between puck and tool. dt_s: duration of the movement in one call of step().
 static const double lag_s = 0.05, dt_s = 1e-3;
 
 void kn_puck_init(kn_puck *p, const kn_puck_def *def)
@@ -32,8 +32,8 @@ static double share(const kn_puck *p, int counts)
     return copysign(fmin(1.0, beyond / (KN_PUCK_FULL - p->def.dead)), counts);
 }
 
-// Rotate the orientation q by the angles w dt about the device's axes. Normalise q afterwards, because rounding errors
-// add up.
+// Rotate the orientation q for the time dt_s, with the angular velocity w about the device's axes. Normalise q
+// afterwards, because rounding errors add up.
 static void turn(double q[4], const double w[3])
 {
     double speed = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]), half = 0.5 * speed * dt_s, out[4];
@@ -52,7 +52,7 @@ static void step(kn_puck *p, const int counts[6])
         v[i] += gain * (p->def.speed_m_s * share(p, counts[i]) - v[i]);
         p->turning_rad_s[i] += gain * (p->def.turn_rad_s * share(p, counts[3 + i]) - p->turning_rad_s[i]);
         double to = fmin(fmax(x[i] + v[i] * dt_s, low), high);
-        // Set the actual velocity, which is smaller than the wanted one if the tool has reached a limit.
+        // Set the actual velocity, which is smaller than the smoothed one if the tool has reached a limit.
         v[i] = (to - x[i]) / dt_s;
         x[i] = to;
     }
@@ -61,7 +61,7 @@ static void step(kn_puck *p, const int counts[6])
 
 void kn_puck_tick(kn_puck *p, const int counts[6], int elapsed_ms)
 {
-    // After a stall of this process, move the tool for 5 ms at most, because a longer movement would be a jump.
+    // After a stall of this process, move the tool only as far as in 5 ms, because a longer movement would be a jump.
     for (int ms = 0; ms < (elapsed_ms < 5 ? elapsed_ms : 5); ms++) step(p, counts);
 }
 
@@ -118,8 +118,8 @@ static void take(kn_spacenav *s, const spnav_event *event)
     }
 }
 
-// Return 1 if a complete event waits in the socket. This must be checked before libspnav reads the socket. libspnav
-// would report the end of the connection as "no event", and half an event as a complete event.
+// Return 1 if a complete event waits in the socket. libspnav may read the socket only then: it would report the end of
+// the connection as "no event", and half an event as a complete event.
 static int waiting(kn_spacenav *s)
 {
     uint8_t bytes[8 * sizeof(int32_t)];
@@ -148,8 +148,9 @@ static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, si
 {
     kn_spacenav *s = (kn_spacenav *)device;
     s->bridge = bridge;
-    // Try spnav_open only when it may succeed: libspnav leaks a little in every failed attempt, and there are two
-    // attempts a second. /etc/spnavrc may name another socket that libspnav knows.
+    // Call spnav_open only if it may succeed: libspnav leaks a little memory in every failed attempt, and the bridge
+    // tries twice a second. Also call it if /etc/spnavrc exists, because this file may name a
+    // socket that kn_spacenav_reach does not try.
     bool worth = kn_spacenav_reach() || access("/etc/spnavrc", R_OK) == 0;
     errno = 0; // clear errno, because libspnav would read the errno of an earlier call
     if (!worth || spnav_open() != 0) {
@@ -157,7 +158,7 @@ static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, si
                  kn_spacenav_socket());
         return false;
     }
-    // A deflection from before the loss of the connection must not steer the tool now.
+    // Clear the deflection that the puck had before the connection was lost, so that it does not steer the tool now.
     memset(s->counts, 0, sizeof s->counts);
     s->puck.pose.buttons = 0;
     ev_io_init(&s->readable, on_readable, spnav_fd(), EV_READ);

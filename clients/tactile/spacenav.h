@@ -20,7 +20,7 @@
 // its zero position and above floor_m. The tool stops at these limits, and when the puck is released.
 #define KN_PUCK_FULL 350 // counts at full deflection of a SpaceNavigator, with spacenavd's sensitivity 1
 
-typedef struct kn_puck_def { // a field of 0 selects its default, except turn_rad_s and floor_m
+typedef struct kn_puck_def { // if a field is 0, its default is used, except for turn_rad_s and floor_m
     double speed_m_s;        // speed of the tool at full deflection of the puck, default 0.05
     double turn_rad_s;       // angular speed of the tool at full twist of the puck; 0: the tool keeps its orientation
     int dead;                // half width of the dead zone [counts], default 15, less than KN_PUCK_FULL
@@ -51,7 +51,8 @@ typedef struct kn_spacenav {
 
 void kn_spacenav_init(kn_spacenav *spacenav, const kn_puck_def *def);
 
-// Return the socket path that libspnav tries first: $SPNAV_SOCKET, else /var/run/spnav.sock.
+// Return the path of the socket that libspnav tries first: $SPNAV_SOCKET, or /var/run/spnav.sock if the variable is not
+// set.
 const char *kn_spacenav_socket(void);
 // Return true if a connection to spacenavd's socket succeeds. On failure, errno has the reason.
 bool kn_spacenav_reach(void);

@@ -56,7 +56,7 @@ for kind in paddle haply; do
     begin $kind $([ $kind = paddle ] && echo unwatched=0 || echo sticky)
     wait $hand
     check "$kind: a device without a watchdog is refused" [ $? = 3 ]
-    check "the reason of the refusal is reported" [ "$(told 'kept its motor on')" = 1 ]
+    check "the reason of the refusal is reported" [ "$(told 'has not acted in 100 ms of silence')" = 1 ]
     check "the refused device has given no force" [ "$(awk -F, -v c="${given[$kind]}" 'NR > 1 && $c != 0' device.csv | wc -l)" = 0 ]
     stop_device >/dev/null
     begin $kind $([ $kind = paddle ] && echo unwatched=0 || echo sticky) --no-watchdog

@@ -73,7 +73,7 @@ check "the hand reports once that nobody answers" [ "$(told 'is kneadd running')
 check "the motor was switched off" [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f5)" = 0 ]
 
 start_kneadd dough-small.yaml
-expect 'nothere: No such file or directory; knead devices lists what is there$' 3 knead hand paddle --tty nothere
+expect 'nothere: No such file or directory; knead devices lists the serial lines$' 3 knead hand paddle --tty nothere
 expect '/dev/null: no serial line; ' 3 knead hand paddle --tty /dev/null
 stop_kneadd
 exit $failed

@@ -39,7 +39,7 @@ usb 1-5 046d c077 'a mouse'
 chmod 600 root/dev/ttyUSB0
 knead devices --root root >out || fail "exit $?"
 has 'tty       /dev/ttyACM0  2341:0043  Arduino Uno'
-has 'ready: knead hand paddle --tty /dev/ttyACM0, scene with `device: unknown`'
+has 'ready: knead hand paddle --tty /dev/ttyACM0, with a scene that has `device: unknown`'
 has 'tty       /dev/ttyUSB0  0403:6001  FT232R USB UART'
 has '0403:cb48  Falcon HAPTIC'
 has 'no driver for Novint Falcon'
