@@ -46,7 +46,7 @@ void kn_mount_orientation(const kn_device_def *d, const double device_wxyz[4], d
 {
     double a[3][3];
     kn_device_axes(d, a);
-    scene_wxyz[0] = device_wxyz[0]; // the matrix A turns the axis of the rotation and leaves its angle unchanged
+    scene_wxyz[0] = device_wxyz[0]; // the matrix A turns the axis of the rotation; the angle stays unchanged
     for (int i = 0; i < 3; i++)
         scene_wxyz[1 + i] = a[i][0] * device_wxyz[1] + a[i][1] * device_wxyz[2] + a[i][2] * device_wxyz[3];
 }
@@ -104,7 +104,7 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     kn_device_position(&b->mount, device->position_m, pose.position_m);
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
-    // The local model needs the tool's orientation before the pose is rendered.
+    // The local model needs the tool's orientation before it computes the force for this pose.
     kn_haptic_render_turn(&t->render, pose.orientation_wxyz);
     b->now.arrivals += !b->now.there;
     b->now.there = true;

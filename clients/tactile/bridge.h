@@ -54,7 +54,8 @@ typedef enum kn_own_watchdog {
     KN_OWN_MISSING   // the device's watchdog did not act in the test, so the device gets no force
 } kn_own_watchdog;
 
-// One kind of device. A driver's own struct begins with this struct. All calls come from the bridge's thread.
+// Interface of a driver. A driver's own struct begins with this struct. The bridge calls all functions from its own
+// thread.
 typedef struct kn_tactile {
     const char *name; // name of the driver, such as "paddle"
     // Open the device and attach its watchers to bridge->ev. On failure return false and one line in `error`. A driver
@@ -111,12 +112,12 @@ struct kn_bridge {
     kn_bridge_news now, slots[3];
     kn_mailbox news;
     kn_bus_client *bus;
-    knead_probe_pose_t last; // last pose sent to kneadd; its session is 0 if none was sent
+    knead_probe_pose_t last; // last pose sent to kneadd; session 0: no pose was sent yet
     ev_io forces, timer;
     ev_async stop;
     int timer_fd, retry_ms;
     bool open;     // the device is open, although it may not have given a pose yet
-    bool heard;    // true: a force of this session has arrived and was not given to the device yet
+    bool heard;    // true: a force of this session has arrived, but the device has not got it yet
     bool answered; // true: the driver's function `give` was called since the last tick
     int priority_error;
     sem_t ready;

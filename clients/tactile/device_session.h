@@ -24,7 +24,7 @@ typedef enum kn_device_session_mode { KN_SESSION_HELD, KN_SESSION_SILENT } kn_de
 
 typedef struct kn_device_session { // link between one device and kneadd; read-only for the caller
     kn_device_session_mode mode;
-    // Number of the present session, and number of the last pose sent in this session.
+    // session: number of the present session. seq: number of the last pose sent in this session.
     int64_t session, seq;
     double position_m[3], velocity_m_s[3]; // newest position and velocity of the device, in the device's axes
     // Output stage. render.given_n: force that the motors must give now, in the device's axes.
@@ -35,12 +35,13 @@ typedef struct kn_device_session { // link between one device and kneadd; read-o
     // run for that time.
     int stalled_ms;
     kn_watchdog forces, poses;
-    bool fresh_force, fresh_pose; // true: a force (a pose) has arrived since the last tick
+    bool fresh_force, fresh_pose; // true: a force, or a pose, has arrived since the last tick
     bool given;                   // true: kn_device_session_give has run since the last tick
     double given_s;               // time of the last kn_device_session_give, s
     int64_t answered;             // number of the newest pose of this session that a force has answered
     int64_t tick;                 // kneadd's tick of the newest force of this session; -1: no force yet
-    int64_t sent, heard;          // number of poses sent, and of forces accepted, in all sessions of this device
+    // sent: number of poses sent; heard: number of forces accepted; both in all sessions of this device
+    int64_t sent, heard;
     // Number of forces that belong to a session of another client. While this number grows, that client holds the tool.
     int64_t foreign;
     // Number of forces whose tick is not newer than that of the last accepted force: repeated messages, or messages
@@ -78,7 +79,7 @@ void kn_device_session_give(kn_device_session *link, double now_s);
 // the mode becomes SILENT in this tick.
 void kn_device_session_tick(kn_device_session *link, double now_s, int elapsed_ms);
 
-// Return true if the session may give a force, so that the motors may be enabled.
+// Return true if the session allows a force. Only then may the caller enable the motors.
 bool kn_device_session_live(const kn_device_session *link);
 
 #endif

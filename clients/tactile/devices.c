@@ -42,7 +42,7 @@ static const struct known {
     {0x0403, 0xcb48, false, "Novint Falcon", "falcon"},  {0x1451, -1, false, "Force Dimension", "omega"},
 };
 
-// Format a text, and replace bytes that could change the terminal.
+// Format a text. Replace bytes that are not printable, because a terminal could take them as commands.
 __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT], const char *format, ...)
 {
     va_list args;
@@ -191,7 +191,7 @@ int kn_devices_find(const char *root, kn_found *found)
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++) find_tty(&found[n++], root, list.gl_pathv[i]);
         globfree(&list);
     }
-    // Find USB devices of known vendors by their ids in /sys.
+    // Search /sys for the USB devices in the table of known devices.
     snprintf(pattern, sizeof pattern, "%s/sys/bus/usb/devices/*", root);
     if (glob(pattern, 0, NULL, &list) == 0) {
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++)

@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-// Largest number of devices in a list, and size of each text of an entry, bytes.
+// KN_DEVICES_MAX: largest number of devices in a list. KN_DEVICES_TEXT: size of each text of an entry, bytes.
 #define KN_DEVICES_MAX 64
 #define KN_DEVICES_TEXT 192
 
@@ -27,8 +27,9 @@ typedef struct kn_found {
     char fix[KN_DEVICES_TEXT];     // what the user can do to make the device ready
 } kn_found;
 
-// Fill in the array `found` of KN_DEVICES_MAX elements and return the number of devices. Further devices are left out.
-// root: "", or a folder whose subfolders dev and sys are searched instead of /dev and /sys.
+// Search for devices, fill in the array `found` of KN_DEVICES_MAX elements, and return the number of devices in it. If
+// there are more devices, leave them out. root: "", or a folder whose subfolders dev and sys are searched instead of
+// /dev and /sys.
 int kn_devices_find(const char *root, kn_found *found);
 
 // Read the first line of a file, without its end. Return false if the file cannot be read or is empty.

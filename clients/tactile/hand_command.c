@@ -34,7 +34,8 @@ typedef struct hand_options {
     hand_kind kind;
     const char *probe; // NULL: the first round probe of the scene, or the first probe if none is round
     const char *lcm_url, *mesh_url;
-    // Texts of --origin and --basis (zero and axes of the device); NULL: as in the scene's `device:`.
+    // origin: text of --origin, the zero of the device. basis: text of --basis, the axes of the device. NULL: use the
+    // scene's `device:`.
     const char *origin, *basis;
     // scale, force_limit_n: 0 means as in the scene's `device:`. origin_m: valid only if `origin` is not NULL.
     double origin_m[3], scale, force_limit_n;
@@ -240,7 +241,7 @@ typedef struct told {
     // bad_ms: time of the last report of bad messages. far_ms: time of the last report of a slow link. answer_ms: time
     // since which no force has come.
     int64_t bad_ms, far_ms, answer_ms;
-    int64_t model_ms; // time since which forces have come without contact messages
+    int64_t model_ms; // time since which kneadd has sent forces but no contact messages
     int64_t foreign;  // value of the session's counter `foreign` when the last force of this session came
     bool unanswered, modelless;
 } told;

@@ -156,8 +156,8 @@ bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
     return (n == 2 || (n == 3 && end == '/' && !strchr(url + 5, '/')[1])) && *port > 0 && *port < 65536;
 }
 
-// Return true if a server at the address accepts a connection on the non-blocking descriptor fd. On failure, errno has
-// the reason.
+// Connect the non-blocking descriptor fd to the address. Return true if the server accepts the connection. On failure,
+// errno has the reason.
 static bool answers(int fd, const struct addrinfo *a)
 {
     int error = 0;
@@ -214,7 +214,8 @@ static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
     if (proves(h) && proof_ns(h) > SILENT_NS && kn_now_ns() - h->sent_ns < ASKED_NS) return;
-    // Mark the message as sent now, so that no second write is requested before libwebsockets calls back for the first.
+    // Mark the message as sent now. Otherwise a second write could be requested before libwebsockets calls back for the
+    // first one.
     h->in_flight = true;
     lws_callback_on_writable(h->wsi);
 }

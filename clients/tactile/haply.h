@@ -82,7 +82,7 @@ typedef struct kn_haply {
     struct lws_context *context; // libwebsockets context, created when the device is first opened and kept afterwards
     struct lws *wsi;
     char device_id[KN_HAPLY_ID]; // id of the selected arm; "": not known yet
-    char *message;               // the part of the present message that has been received, `length` bytes
+    char *message;               // received part of the present message; `length` bytes
     size_t length;
     bool connected, greeted;
     // in_flight: the service has not answered the last message yet; wanted_force: a force waits to be sent.

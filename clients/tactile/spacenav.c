@@ -69,7 +69,7 @@ void kn_puck_tick(kn_puck *p, const int counts[6], int elapsed_ms)
 
 static const size_t event_bytes = 8 * sizeof(int32_t); // size of one event in spacenavd's protocol
 static const int events_most = 64;                     // largest number of events read at each wake-up
-// Number of buttons that are passed on; button 30 would be KN_BUTTON_LEAVING.
+// Number of buttons that a pose can have. Bit 30 of the pose is no button, but KN_BUTTON_LEAVING.
 static const int buttons_most = 30;
 
 const char *kn_spacenav_socket(void)

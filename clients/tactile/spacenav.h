@@ -37,7 +37,7 @@ typedef struct kn_puck {
 void kn_puck_init(kn_puck *puck, const kn_puck_def *def); // put the tool at its zero position, at rest
 
 // Move the tool for elapsed_ms. counts: deflection of the puck along x, y, z, then twist about x, y, z, in the device's
-// axes. Any int is allowed.
+// axes. Each count may be any int.
 void kn_puck_tick(kn_puck *puck, const int counts[6], int elapsed_ms);
 
 typedef struct kn_spacenav {
