@@ -148,9 +148,9 @@ static bool open_spacenav(kn_tactile *device, kn_bridge *bridge, char *error, si
 {
     kn_spacenav *s = (kn_spacenav *)device;
     s->bridge = bridge;
-    // Call spnav_open only if it may succeed: libspnav leaks a little memory in every failed attempt, and the bridge
-    // tries twice a second. Also call it if /etc/spnavrc exists, because this file may name a
-    // socket that kn_spacenav_reach does not try.
+    // libspnav leaks a little memory in every failed attempt, and the bridge tries twice a second. So call spnav_open
+    // only if it may succeed: spacenavd's socket accepts a connection, or /etc/spnavrc exists, which may name another
+    // socket.
     bool worth = kn_spacenav_reach() || access("/etc/spnavrc", R_OK) == 0;
     errno = 0; // clear errno, because libspnav would read the errno of an earlier call
     if (!worth || spnav_open() != 0) {
