@@ -76,7 +76,7 @@ typedef struct kn_tactile {
     bool answers;
     kn_own_watchdog watchdog; // set by the driver at each opening
     // Counters of the driver.
-    int64_t messages; // number of messages from the device with a pose
+    int64_t messages; // number of messages of the device that contain a pose
     // bad: number of malformed messages; lost: number of missing messages, from gaps in the sequence numbers.
     int64_t bad, lost;
     char why[96];   // what was wrong with the last malformed message

@@ -232,8 +232,8 @@ static const double above_m = 0.02; // height of the tool above the object at th
 // Force limit that replaces the limit of the profile `bench`, because this profile describes a virtual hand. The value
 // is the smallest force limit of the common real devices.
 static const double cautious_n = 3.3;
-static const double thinnest =
-    0.5; // lowest height of the underside of a tool that a puck steers, as a fraction of the object's height
+// Lowest height of the underside of a tool that a puck steers, as a fraction of the object's height.
+static const double thinnest = 0.5;
 
 // State of the reports, so that each event is reported once.
 typedef struct told {
@@ -408,9 +408,8 @@ static void tell_tool(const kn_bridge_news *n)
            : n->session.mode == KN_SESSION_SILENT           ? "silent"
            : n->session.render.stop == KN_HAPTIC_RENDER_FAR ? "round trip above 5 ms: 0 N"
            : n->session.flags & KN_FLAG_REENGAGE_LIFT       ? "lift the tool"
-           : n->session.flags & KN_FLAG_ENGAGED
-               ? n->session.render.def.local ? "in the model, local force" : "in the model"
-               : n->state);
+           : n->session.flags & KN_FLAG_ENGAGED ? n->session.render.def.local ? "in the model, local" : "in the model"
+                                                : n->state);
     fflush(stdout);
 }
 
