@@ -183,7 +183,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     ADD(&a->ticks, 1);
     ADD(&a->missed, wake->missed);
     ADD(&a->unpublished, !published);
-    // Measure how long the turn of the servo loop took that missed the cycles. The turn began one period before the
+    // Measure the duration of the turn of the servo loop that missed the cycles. The turn began one period before the
     // first missed deadline.
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);

@@ -14,7 +14,7 @@
 // bytes. At most KN_CONTROL_PEERS peers are connected; a further peer replaces the one that was silent for longest.
 // Each peer may send KN_CONTROL_HZ commands a second. A peer that does not read its replies is disconnected. Peers are
 // served in turn, one line each, also while one of them waits for a slow request. The last line of a peer that has
-// finished sending counts even without a newline.
+// finished sending is served even without a newline.
 //
 // None of these limits delays an urgent request, that is, an emergency stop. An urgent request is carried out as soon
 // as it has been read, ahead of the peer's other lines, and answered in its turn.

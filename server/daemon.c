@@ -36,9 +36,10 @@ enum { SERVO, SENTINEL, MESH, CONTROL, WORKER, KEEPER, THREADS }; // threads bes
 typedef struct server {
     kn_served_object on; // the scene being served
     kn_bus bus, mesh_bus;
-    int claim, mesh_claim, fd; // descriptors: lock files that claim the bus and the mesh bus; socket of the bus
-    kn_exchange exchange;      // receiver and publisher; used by the main thread only
-    kn_auth auth;              // key and life (run) of kneadd, used if a key file was given
+    int claim, mesh_claim; // descriptors of the lock files that claim the bus and the mesh bus
+    int fd;                // socket of the bus
+    kn_exchange exchange;  // receiver and publisher; used by the main thread only
+    kn_auth auth;          // key and life (run) of kneadd, used if a key file was given
     kn_datagram_batch batch;
     kn_skin skin;
     kn_control *control; // control socket; NULL: none

@@ -59,7 +59,7 @@ void kn_publisher_health(kn_publisher *p, const knead_health_t *health);
 //     stepped_ns   the backend had answered with the step of the lattice
 //     guarded_ns   the output stage had the force ready; the main thread publishes it next
 //     due_ns       deadline until which the thread slept: the tick's own, or that of the first missed cycle
-//     asked_ns     the previous tick had ended with all its work; if this is after due_ns, it took too long
+//     asked_ns     the previous tick had ended with all its work; after due_ns: the previous tick took too long
 //     late_ns      delay by the machine: from the later of due_ns and asked_ns to the wake, without holds
 //
 // Rows go through a ring from the main thread to a thread that may wait for a disk. A full ring loses rows and counts

@@ -180,8 +180,8 @@ static void tell_overruns(kn_health_check *c)
     c->missed_told = missed;
 }
 
-// Report that the object created energy. The simulation went wrong, but the hand did not feel it, because the passivity
-// controller of each client keeps the force on the hand passive.
+// Report that the object created energy. The simulation is then wrong. The hand does not feel the energy, because the
+// passivity controller of each client keeps the force on the hand passive.
 static void tell_audit(kn_health_check *c)
 {
     int64_t created = atomic_load_explicit(&c->loop->account.created, memory_order_relaxed);
@@ -321,9 +321,8 @@ static void tell_circuit(kn_health_check *c)
     char why[KN_LINK_WHY];
     if (!kn_backend_fpga_counts(&c->served->backend, &n)) return;
     bool agrees = kn_backend_fpga_agrees(&c->served->backend, why, &link);
-    kn_console_err("kneadd: %lld ticks on the circuit, each with its twin's result; %lld by the twin alone; circuit "
-                   "lost %lld times, "
-                   "results different %lld, states loaded %lld; at the end %s%s",
+    kn_console_err("kneadd: %lld ticks on the circuit, %lld by the twin alone; circuit lost %lld times, results "
+                   "different %lld, states loaded %lld; at the end %s%s",
                    (long long)n.on_circuit, (long long)n.shadowed, (long long)n.losses, (long long)n.different,
                    (long long)n.loads, agrees ? "its state equals the twin's" : "", agrees ? "" : why);
     if (agrees)

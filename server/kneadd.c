@@ -121,8 +121,8 @@ static int run(int argc, char **argv, const char **sets)
     // Check combinations of options before anything is opened.
     if (optind < argc) return bad(argv[optind], "options only, the scene as --scene FILE");
     if (def->lan && !def->key && def->peers == 0)
-        return bad("--lan", "--key FILE or --peer ADDRESS beside it: on a network anybody may move the tool");
-    if (def->peers > 0 && !def->lan) return bad("--peer", "--lan IFACE beside it");
+        return bad("--lan", "--key FILE or --peer ADDRESS as well: on a network anybody could move the tool");
+    if (def->peers > 0 && !def->lan) return bad("--peer", "--lan IFACE as well");
     if (!def->object.scene_path) return bad("no scene", "--scene FILE");
     if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "kneadd: %s\n", why), 3;
     return kn_daemon_run(def);

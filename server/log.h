@@ -78,7 +78,7 @@ bool kn_log_write(lcm_eventlog_t *file, int64_t utime, const char *channel, void
 // Limits of the time that a log may span. kneadd records a checkpoint every second, so a genuine log has at least one
 // record per second. Without limits, a few forged records with very large tick numbers could make a replay run for
 // ever.
-#define KN_LOG_RECORD_MS 1000 // time span that each record allows a log, both in ticks and in log time, ms
+#define KN_LOG_RECORD_MS 1000 // time that a log may span for each of its records, in ticks and in log time, ms
 // Time that a log may span in addition to KN_LOG_RECORD_MS per record, ms. This time covers all pauses of the log
 // together: missed cycles, and a wall clock that was set.
 #define KN_LOG_PAUSE_MS 3600000
@@ -91,8 +91,8 @@ typedef struct kn_log_scene {
     char *text;
 } kn_log_scene;
 
-// Deadline, overload and quality of the server when its log begins. If the log does not record a value, the value is
-// the one that every server starts with.
+// Deadline, overload and quality of the server when its log begins. A value that the log does not record has its
+// default, with which every server starts.
 typedef struct kn_log_initial {
     bool deadline_told, overload_told, quality_told;
     int64_t deadline; // largest number of units of work (core/solve/step_effort.h) per step; 0: no limit

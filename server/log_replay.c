@@ -431,9 +431,9 @@ static int32_t missed_before(const reading *v, int64_t tick)
     return (int32_t)missed;
 }
 
-// Count one tick without a record. The caller knows that at least the number `more` of ticks without a record follow.
-// Return false if the log has too few records for so many ticks; the replay then ends. This check bounds the time that
-// a damaged or forged log may take.
+// Count one tick without a record. `more`: number of further ticks without a record that are certain to follow. Return
+// false if the log has too few records for so many ticks; the replay then ends. This check bounds the time that a
+// damaged or forged log may take.
 static bool afford(kn_replay *r, int64_t tick, int64_t more)
 {
     reading *v = r->private;

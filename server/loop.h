@@ -46,7 +46,8 @@ typedef struct kn_touch_patch { // touch patch of one probe with a session
 
 typedef struct kn_posted_pose { // content of a pose mailbox
     kn_pose pose;
-    int64_t posted_ns, before_ns; // arrival time of this pose, and of the pose before this one
+    int64_t posted_ns; // arrival time of this pose
+    int64_t before_ns; // arrival time of the pose before this one
 } kn_posted_pose;
 
 typedef struct kn_loop {

@@ -5,22 +5,23 @@
 // requests run on the control socket's own thread.
 //
 //     {"command": "status"}                        report mode, counters, times and every probe
-//     {"command": "reset"}                         make the object as new; forces fade, lift the tool to engage again
+//     {"command": "reset"}                         restore the initial object; forces fade, lift the tool to engage
 //     {"command": "quality", "name": "balanced"}   use this quality of the scene; forces fade and come back
 //     {"command": "recover"}                       clear latched faults; lift the tool to engage again
 //     {"command": "estop"}                         fade every force within 20 ms and keep it 0 until recover. The stop
-//                                                  outlives load, and with --state-dir every restart. If the answer has
-//                                                  no tick, the server was ending: the next start begins stopped
+//                                                  stays in force after load, and with --state-dir after every restart.
+//                                                  If the answer has no tick, the server was ending, and the stop is in
+//                                                  force from the next start on
 //     {"command": "snapshot"}                      save the object; the answer comes when the file is on disk
 //     {"command": "restore", "generation": 12}     return to that snapshot; without "generation", to the newest
 //     {"command": "undo"}                          return to the object before the last press, reset or restore
 //     {"command": "set", "values": ["material.c1=3 kPa*s"]}
 //                                                  change keys of the scene, as --set does. A new model is built
 //                                                  by the worker, then the object continues in it. Device limits can
-//                                                  only go down
-//     {"command": "load", "scene": "/a/file.yaml"} check a scene, shut down in order, start with it; without "scene",
+//                                                  only be lowered
+//     {"command": "load", "scene": "/a/file.yaml"} check a scene, shut down, start with this scene; without "scene",
 //                                                  start again with the present file
-//     {"command": "stop"}                          shut down in order, as SIGTERM does
+//     {"command": "stop"}                          shut down cleanly, as SIGTERM does
 //
 // A request with any other field is refused, so that a typing error cannot carry out half a request. The answer to a
 // change comes when a tick has made the change, and gives the number of that tick. An event on KNEAD_EVENT records the

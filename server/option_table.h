@@ -9,7 +9,8 @@
 //
 //     knead view: --zoom 30: expected 0.2..20
 //
-// The table stands in server, because kneadd has a command line too, and server must not depend on clients.
+// This file is in the folder server and not in clients, because kneadd has a command line too, and server must not
+// depend on clients.
 #include <float.h>
 #include <getopt.h> // for optind
 #include <stdarg.h>

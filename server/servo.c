@@ -41,8 +41,8 @@ void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model
     for (int p = 0; p < KN_PROBES_MAX; p++) kn_safety_init(&servo->safety[p], &scene->limits);
 }
 
-// The solver iterates until the tolerance is met, but at least and at most as often as two limits say. An effort is
-// certain to be cheaper only if it raises neither of these limits.
+// The solver iterates until the tolerance is met, within two limits: the smallest and the largest number of iterations.
+// An effort is certain to be cheaper only if it raises neither limit.
 bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b)
 {
     int least = a->passes * a->iterations - b->passes * b->iterations;

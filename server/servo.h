@@ -42,8 +42,9 @@ typedef struct kn_pose {
 // force on the hand fades while the clutch is held (core/safety.h).
 typedef struct kn_clutch {
     bool held;
-    double offset_m[3], turn_wxyz[4]; // offset and rotation from the device's pose to the tool's pose
-    double stays_m[3], stays_wxyz[4]; // pose at which the tool stays while the clutch is held
+    // offset_m: translation from the device's pose to the tool's pose; turn_wxyz: rotation
+    double offset_m[3], turn_wxyz[4];
+    double stays_m[3], stays_wxyz[4]; // position and orientation of the tool while the clutch is held
 } kn_clutch;
 
 // Number of consecutive slow ticks before the servo reduces its work. Delays caused by the machine make one or two
@@ -75,7 +76,8 @@ typedef struct kn_tick_in {
     int64_t restored_generation, restored_tick;
     bool undo;               // true: replace the object by the newest undo point (servo->undo), if there is one
     kn_scene_change *change; // change of the scene; the object continues in the change's model; NULL: no change
-    bool recover, estop;     // an operator's commands: clear latched faults; emergency stop (see kn_safety_in)
+    bool recover;            // true: clear latched faults (an operator's command)
+    bool estop;              // true: an operator's emergency stop (see kn_safety_in)
     // Largest number of units of work (core/solve/step_effort.h) per step, from this tick on; 0: unchanged.
     int64_t deadline;
     // In a replay: 1: the recorded overload begins; -1: the recorded overload ends; 0: unchanged.

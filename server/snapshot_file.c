@@ -192,8 +192,8 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
     return whole;
 }
 
-// Check magic, size and checksum; this needs no scene. Return NULL if the bytes are as they were written, or else the
-// reason why not.
+// Check magic, size and checksum; this needs no scene. Return NULL if the bytes are as they were written; otherwise
+// return the reason for the refusal.
 static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, char *text, size_t text_size)
 {
     uint64_t whole = 0;

@@ -50,7 +50,7 @@
 #define KN_PHASE_HOLD_NS 300000
 #define KN_PHASE_STEADY 4 // score from which poses count as steady; each tick with a new pose adds 1 to the score
 #define KN_PHASE_STEADY_LOSS                                                                                           \
-    2 // score lost by a tick without a new pose; 500 Hz then is unsteady, 1 kHz with a fifth of the poses lost steady
+    2 // score lost by a tick without a new pose: 500 Hz counts as unsteady, 1 kHz with a fifth of poses lost as steady
 #define KN_PHASE_STEADY_MAX 12 // largest score; when poses stop, at most five ticks wait for a pose in vain
 // A session runs away when it moves the grid by more than KN_PHASE_RUN_NS in KN_PHASE_RUN_TICKS poses. The limit is
 // half a period for the first approach, plus 500 ppm of KN_PHASE_RUN_TICKS periods. No clock crystal is wrong by 500

@@ -1,6 +1,6 @@
-# The look of every plot: of knead's commands, which have it inside, of server/run and of bench/papers, which load it. Before it: wide and
-# high, pixels. Colours are Okabe and Ito's, which colour-blind eyes tell apart, the darker ones first: points and dashes tell them
-# apart in grey.
+# The common look of all plots. knead's commands embed this file; server/run and bench/papers load it. The variables
+# `wide` and `high`, the size of the image in pixels, must be set before. The colours are those of Okabe and Ito, which
+# colour-blind readers can distinguish. The darker colours come first. In grey, points and dashes distinguish the curves.
 set encoding utf8
 set terminal pngcairo noenhanced size wide,high font 'sans,11'
 set border 3 lc rgb '#444444'

@@ -57,18 +57,19 @@ static void print_net(const kn_model *model)
            flat ? "triangles" : "tetrahedra", model->edge_count, kn_model_mass(model));
     printf("springs   E %.3f %.3f", own->young[0], own->young[flat ? 2 : 1]);
     if (!flat) printf(" %.3f", own->young[2]);
-    printf(
-        " times k1 along %s, nu %.3f, G %.2f times an isotropic body's; creep under the middle load off by %+.1f %%\n",
-        flat ? "x z" : "x y z", own->poisson, own->shear / isotropic, 100 * model->creep_error);
+    printf(" times k1 along %s, nu %.3f, G %.2f times an isotropic body's; creep at a medium stress %+.1f %% off the "
+           "material's\n",
+           flat ? "x z" : "x y z", own->poisson, own->shear / isotropic, 100 * model->creep_error);
     if (model->def.pressure != KN_PRESSURE_NONE)
-        printf("pressure  %d elements, %s, %.6g Pa inside at rest, as outside; "
+        printf("pressure  %d elements, %s, at rest %.6g Pa inside and outside; "
                "tetrahedra lock, so a press is a third too stiff\n",
                mesh->element_count,
                model->def.pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around all of them",
                model->def.inside_pressure_pa);
     // Warn about unwanted elastic properties that the geometry of the mesh causes.
     if (own->shear < 0.7 * isotropic) warn("the mesh is soft in shear, because of the directions of its edges");
-    if (fabs(model->creep_error) > 0.1) warn("no stress area (gamma) gives the mesh the creep of the material");
+    if (fabs(model->creep_error) > 0.1)
+        warn("the creep of the mesh differs from the material's, whatever the stress area gamma is");
     if (model->top_count == 0) warn("no surface faces up: a plate would not touch the object");
 }
 
@@ -83,7 +84,7 @@ static void print_composite(const kn_scene *scene, const kn_model *model)
     }
     printf("accuracy  %g %% of the force: fine cells in the box", 100 * scene->accuracy);
     for (int k = 0; k < 3; k++) {
-        // The scene's origin is at the centre of the base, but node numbers start at a corner.
+        // Subtract `origin`: node numbers start at a corner, but the scene's origin is at the centre of the base.
         double origin = k < 2 ? 0.5 * (def->nodes[k] - 1) : 0, h = 1e3 * def->spacing_m;
         printf(" %c %.3g..%.3g", "xyz"[k], h * (def->fine[0][k] - origin), h * (def->fine[1][k] - origin));
     }
@@ -112,7 +113,7 @@ static void print_block(const kn_scene *scene, const kn_model *model)
     printf("), %.4g kg\n", kn_model_mass(model));
     if (scene->accuracy > 0) print_composite(scene, model);
     if (def->pressure != KN_PRESSURE_NONE)
-        printf("pressure  %d cells, %s, %.6g Pa inside at rest, as outside\n", kn_grid_cells(&model->grid, NULL),
+        printf("pressure  %d cells, %s, at rest %.6g Pa inside and outside\n", kn_grid_cells(&model->grid, NULL),
                def->pressure == KN_PRESSURE_CELLS ? "each closed" : "one skin around all of them",
                def->inside_pressure_pa);
 }
@@ -151,7 +152,7 @@ static void print_material(const kn_model *model)
     const kn_material *m = &model->law.mat;
     printf("material  k1 %.4g Pa, c1 %.4g Pa s", m->k1_pa, m->c1_pa_s);
     if (m->k1_pa > 0) printf(" (c1/k1 = %.3g s)", m->c1_pa_s / m->k1_pa);
-    // A damper whose two stops coincide cannot move, so the material keeps no residual deformation.
+    // A damper cannot move if its two stops coincide. The material then keeps no residual deformation.
     double in, out;
     bool rigid = kn_material_stroke(m, &in, &out);
     if (m->damper == KN_DAMPER_NONE) printf("; no damper: no deformation remains\n");
@@ -313,8 +314,8 @@ static void print_coupling(const kn_scene *scene)
         printf("; in the scene %g N/m, %g N s/m", d->coupling_n_m, d->coupling_n_s_m);
     printf("\n");
     if (d->force_scale != 1.0)
-        printf("          the hand is given %g of the force: the clamp acts when the object's force exceeds %g N\n",
-               d->force_scale, d->force_limit_n / d->force_scale);
+        printf("          the hand feels %g times the object's force, which is clamped above %g N\n", d->force_scale,
+               d->force_limit_n / d->force_scale);
     if (d->hand.stiffness_n_m > bound)
         warn("this device is stable up to a coupling of %.3g N/m: it will buzz at a wall", bound);
 }
@@ -324,8 +325,9 @@ static void print_device(const kn_scene *scene)
     const kn_safety_limits *l = &scene->limits;
     printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device.name,
            l->clamp_n, l->torque_clamp_n_m, l->guard_n_per_ms, l->brake_m_s, l->brake_n_s_per_m);
-    printf("          no poses: force held %d ms, zero after %d ms; poses again for %d ms: full force %d ms later\n",
-           l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
+    printf(
+        "          poses stop: force held for %d ms, zero after %d ms; poses back for %d ms: full force %d ms later\n",
+        l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
     print_coupling(scene);
     // Names of the measures in mesh messages, indexed by the bits of mesh_measures.
     static const char *const told[] = {"", ", stress", ", residual strain", ", stress, residual strain"};

@@ -1,12 +1,14 @@
-# Completion of knead, kneadd and knead-simdev in bash, and in zsh by its bashcompinit: what --help says is read when Tab is
-# pressed, so there is no second list that could be out of date.
+# Completion of knead, kneadd and knead-simdev in bash, and in zsh through its bashcompinit. The options are read from
+# --help when Tab is pressed, so there is no second list that could become out of date.
 #
-#     source <(knead completion)            for this shell; `cmake --install` puts it where bash-completion finds it
+#     source <(knead completion)     for this shell; `cmake --install` puts this file where bash-completion finds it
 #
-# Subcommands are those of `knead --help`, options those of usage lines and of lines that begin with one, their values
-# "a|b|c" after the option, or a list like "blend, secant or tangent" that begins its explanation. Else files.
+# Subcommands are read from `knead --help`. Options are read from the usage lines of a help text, and from the lines that
+# begin with an option. The values of an option are read from a list "a|b|c" after the option, or from a list like
+# "blend, secant or tangent" at the beginning of its explanation. All other arguments are completed as file names.
 
-# Lines "--option value value ..." and "word value", of a help text on stdin; word: what may stand without a dash.
+# Read a help text from stdin. Print a line "--option value value ..." for each option, and a line with one word for each
+# subcommand or other word without a dash.
 _knead_parse() {
     awk '
     function options(text, values) {
@@ -21,10 +23,10 @@ _knead_parse() {
         for (i = 1; i <= n; i++) if (item[i] ~ /^[a-z0-9_]+$/) found = found " " item[i]
         return found
     }
-    function listed(text,    i, n, item, found, count) { # "a, b (why), c: what it is, or d"
+    function listed(text,    i, n, item, found, count) { # a list like "a, b (why), c: what it is, or d"
         gsub(/ *\([^)]*\)?/, "", text)
         gsub(/: [^,;]*/, "", text)
-        sub(/;$/, "", text) # it goes on in the next line
+        sub(/;$/, "", text) # the list continues in the next line
         gsub(/; |, or | or /, ", ", text)
         n = split(text, item, ", ")
         for (i = 1; i <= n && item[i] ~ /^[a-z0-9][a-z0-9_-]*$/; i++) { found = found " " item[i]; count++ }
@@ -40,7 +42,7 @@ _knead_parse() {
             print option choices(substr(text, 2))
         }
         commands = commands || / COMMAND \[/
-        if (match($0, / \[[a-z]+\|[a-z|]+\]/)) { # "[bash|zsh]" of its own
+        if (match($0, / \[[a-z]+\|[a-z|]+\]/)) { # a list like "[bash|zsh]" that belongs to no option
             n = split(substr($0, RSTART + 2, RLENGTH - 3), item, "|")
             for (i = 1; i <= n; i++) print item[i]
         }
@@ -74,9 +76,9 @@ _knead() {
             COMPREPLY=($(compgen -W "$known"$'\n--help\n--version' -- "$word"))
             return
         fi
-        case $'\n'$known$'\n' in *$'\n'"${COMP_WORDS[1]}"$'\n'*) ;; *) return ;; esac # nothing is run that is no subcommand
+        case $'\n'$known$'\n' in *$'\n'"${COMP_WORDS[1]}"$'\n'*) ;; *) return ;; esac # run known subcommands only
         parsed=$("$program" "${COMP_WORDS[1]}" --help 2>/dev/null | _knead_parse)
-        if [ "${COMP_WORDS[1]}" = identify ] && [ "$COMP_CWORD" -gt 2 ]; then # its commands have a --help of their own
+        if [ "${COMP_WORDS[1]}" = identify ] && [ "$COMP_CWORD" -gt 2 ]; then # each command of identify has its own --help
             case $'\n'$parsed$'\n' in
             *$'\n'"${COMP_WORDS[2]}"$'\n'*) parsed=$("$program" identify "${COMP_WORDS[2]}" --help 2>/dev/null | _knead_parse) ;;
             esac

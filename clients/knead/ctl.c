@@ -27,7 +27,7 @@ static const char help[] =
     "  restore [N]      restore the object from snapshot N (default: the newest)\n"
     "  undo             undo the last kneading, reset or restore\n"
     "  estop            fade every force to 0 within 20 ms and keep it at 0, for new hands as well, until recover.\n"
-    "                   The stop outlasts load. It outlasts a restart only with kneadd --state-dir\n"
+    "                   The stop stays in force after load. After a restart it stays only with kneadd --state-dir\n"
     "  recover          clear latched faults; tools engage again once they are lifted clear of the object\n"
     "  stop             fade the forces to zero and end kneadd, as SIGTERM does\n\n"
     "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_LIVE_SERVER_CONTROL ")\n"

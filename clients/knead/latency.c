@@ -40,13 +40,15 @@ static const char help[] =
     "The latency of a missed pose is measured to the first answer to a later pose.\n"
     "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
-// above_m: height of the tool above the object, m; years_s: duration of a path that must outlast every measurement, s.
+// above_m: height of the tool above the object, m. years_s: duration of a path in which the tool only stands, s; longer
+// than every measurement.
 static const double above_m = 0.05, years_s = 1e8;
 static const double deep = 0.3; // depth of the press as a share of the object's height
 
 typedef struct options {
     const char *scene, *phase, *url, *json, *plot;
-    double seconds, drift_ppm, contract_us[2]; // seconds: whole number of seconds to measure
+    double seconds; // duration of the measurement, s; a whole number
+    double drift_ppm, contract_us[2];
 } options;
 
 static volatile int interrupted;

@@ -102,8 +102,8 @@ typedef struct kn_latency_report {
     int nodes;
     // Phase of kneadd's tick relative to the poses, "lock" or "free"; NULL: unknown, because kneadd ran already.
     const char *phase;
-    // Latency contract: the two differences that are allowed, for p50 and for p99, us. Each is the difference between
-    // the percentile of the series pose and the sum of those of echo and execution. < 0: no limit.
+    // Latency contract: [0] for p50, [1] for p99, us. The percentile of the series `pose` may exceed the sum of the
+    // percentiles of `echo` and `execution` by at most this time. < 0: no limit.
     double contract_us[2];
     kn_series series[KN_SERIES_COUNT];
 } kn_latency_report;

@@ -52,8 +52,8 @@ static const char help[] =
     "Its own watchdog takes the device's force to 0 N 20 ms after the last force message.\n"
     "When this watchdog or that of kneadd trips, the device lifts the tool and opens a new session.\n"
     "Then it repeats the path, with three tries in all.\n\n"
-    "  --path press     touch and stand, go at 1 cm/s to 1 cm below the top of the block, hold, withdraw (default)\n"
-    "  --path sine      touch and stand, oscillate between the height of touch and 1 mm below it\n"
+    "  --path press     touch, wait, go at 1 cm/s to 1 cm below the top of the block, hold, withdraw (default)\n"
+    "  --path sine      touch, wait, oscillate between the height of touch and 1 mm below this height\n"
     "  --path poke      go 3 mm deep at 5 cm/s and out again\n"
     "  --path FILE.csv  table with the header time_s,x_m,y_m,z_m or time_s,x_m,y_m,z_m,qw,qx,qy,qz.\n"
     "                   Positions are in metres, with z up and the origin under the object's centre.\n"
@@ -62,8 +62,7 @@ static const char help[] =
     "                   The default is a round tool because dough resists a fast plate like a wall\n"
     "  --hold TIME      press: time at the lowest point; sine: duration, e.g. '4 s' or 4 (default: 4 s)\n"
     "  --depth LENGTH   depth, e.g. '10 mm' (default: press 10 mm, sine 1 mm, poke 3 mm).\n"
-    "                   The depth of a press is below the top of the untouched block, of other paths below the point "
-    "of touch\n"
+    "                   A press measures it from the top of the untouched block, other paths from the point of touch\n"
     "  --speed SPEED    speed in the object, e.g. '1 cm/s' (default: press 1 cm/s, poke 5 cm/s)\n"
     "  --frequency F    frequency of the sine, e.g. '2 Hz' (default: 2 Hz)\n"
     "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
@@ -89,7 +88,7 @@ static const char help[] =
     "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
     "  --held           also render forces older than 5 ms, to study their effect.\n"
     "                   Without this option such forces are refused, as every device should do\n\n"
-    "Exit codes: 0 the path was played to its end; 1 it was, but the device buzzed or gave the hand more than 10 mJ;\n"
+    "Exit codes: 0 path played to its end; 1 played to its end, but the device buzzed or gave the hand over 10 mJ;\n"
     "2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
 
 // Speed of the tool above which kneadd brakes the tool instead of following it, m/s: default of brake_m_s.

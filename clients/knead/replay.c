@@ -439,7 +439,7 @@ static int judge_circuit(replay_run *run)
     char why[KN_LINK_WHY] = "";
     if (!kn_backend_fpga_counts(&run->replay->backend, &n)) return KN_EXIT_OK;
     bool agrees = kn_backend_fpga_agrees(&run->replay->backend, why, &link);
-    printf("circuit: %lld of %lld ticks, each equal to its twin's; %lld different; lost %lld times; %s%s\n",
+    printf("circuit: %lld of %lld ticks ran on it; %lld results differed from the twin's; lost %lld times; %s%s\n",
            (long long)n.on_circuit, (long long)(n.on_circuit + n.shadowed), (long long)n.different, (long long)n.losses,
            agrees ? "its final state equals the twin's" : "", why);
     return agrees && n.different == 0 ? KN_EXIT_OK : KN_EXIT_FAILED;

@@ -281,7 +281,7 @@ static void print_named(const sweep *s)
         printf("%-10s ", kn_quality_name(q));
         if (!r) printf("none: no point's p90 is %g us or less", budget_us);
         else if (q > 0 && r == s->named[q - 1])
-            printf("the same as %s: no other point lies between", kn_quality_name(q - 1));
+            printf("the same point as %s, because no other point qualifies", kn_quality_name(q - 1));
         else
             printf("%s: %.0f us, p90 %.0f us, error of the solver: force %.2g %%, shape %.2g %%",
                    kn_sweep_run_name(r->run, name), r->median_us, r->p90_us, 100 * r->force.solver,
@@ -311,9 +311,7 @@ static void print_elsewhere(const sweep *s)
     const kn_pareto_row *r = kn_pareto_front_elsewhere(&s->front, &s->plan, s->named);
     if (!r) return;
     printf("no name    %s: p90 %.0f us, total force error %.3g %%, more accurate than the named points; a server "
-           "cannot change "
-           "lattice, "
-           "step or precision:",
+           "cannot change lattice, step or precision:",
            kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all);
     print_sets(s, r);
 }

@@ -177,7 +177,7 @@ static int develop(film *f)
     return code;
 }
 
-// Write the film that --video asks for: of a recording, or of the object that a running kneadd serves. A recording is
+// Write the film of --video. It shows a recording, or the object that a running kneadd serves. A recording is
 // replayed twice. The first pass finds values that hold for the whole film: the end of the colour scale, the box of all
 // places that the object reaches, and the number of pictures. So neither colours nor camera jump.
 static int make_film(const kn_view_options *o)

@@ -18,7 +18,7 @@ static const char help[] =
     "Simulates a haptic device in contact, and finds the stiffest virtual coupling that does not buzz.\n"
     "The table shows this coupling for several round trips of the forces and several frictions of the device.\n"
     "Colgate's bound and the bound of a delayed spring are printed in the same row.\n"
-    "All of this is SIMULATION: motors and structure of a real device cost another factor of 0.7.\n\n"
+    "All values are SIMULATED. On a real device, motors and structure lower them to about 0.7 times these values.\n\n"
     "    knead zwidth --device falcon --plot zwidth.png\n"
     "    knead zwidth --device touch --hand light --material dough\n\n"
     "  --device CLASS    touch, falcon, omega, unknown, bench, or a FILE.yaml with a device section (default: touch)\n"
@@ -34,12 +34,12 @@ static const char help[] =
     "  --json            print the table as JSON\n\n"
     "The device holds each force for 1 ms. Its encoder reads the position in steps.\n"
     "The velocity is filtered at 100 Hz.\n"
-    "A device buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the encoder explains.\n"
+    "A device buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the encoder's steps explain.\n"
     "  round trip        time from a pose to its force; 0: at once, 1 ms: in the next period, as with a server\n"
     "  k at b_vc 0, ..   stiffest coupling with the damping b_vc that does not buzz, N/m; found to 1.5 %\n"
     "  Colgate           bound 2 (b - b_vc)/T at b_vc 0: passive under any motion, without delay\n"
     "  delayed           bound (b + b_vc)/(T/2 + round trip) of a delayed spring, at the class's b_vc\n"
-    "  default           coupling that a scene with this device gets (core/coupling.h), and whether it was calm\n\n"
+    "  default           coupling that a scene with this device gets (core/coupling.h); calm: it did not buzz\n\n"
     "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";
 
 // TRIPS, FRICTIONS, DAMPINGS: numbers of simulated round trips, frictions and dampings. SETS: largest number of --set

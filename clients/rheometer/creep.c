@@ -17,7 +17,7 @@ static const char help[] =
     "  --load W[,W]...   weights, each on a fresh specimen (default: 50gf)\n"
     "  --hold TIME       time under the weight (default: 60 s)\n"
     "  --rest TIME       time after unloading (default: 70 s)\n"
-    "  --lattice NxNxN   also test a lattice of so many cells, as high as the specimen, by the solver of kneadd\n"
+    "  --lattice NxNxN   also test a lattice of N x N x N cells, as high as the specimen, with kneadd's solver\n"
     "  --csv FILE        write load_n,time_s,strain,height_m,stress_pa\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"

@@ -17,7 +17,7 @@ static const char help[] =
     "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s' (default: a step of strain)\n"
     "                    A step is impossible for an element that responds as a dashpot at first, such as dough\n"
     "  --hold TIME       time at that strain (default: 100 s)\n"
-    "  --lattice NxNxN   also test a lattice of so many cells, as high as the specimen, by the solver of kneadd;\n"
+    "  --lattice NxNxN   also test a lattice of N x N x N cells, as high as the specimen, with kneadd's solver;\n"
     "                    needs --ramp\n"
     "  --csv FILE        write time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s < 0 during the ramp\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"

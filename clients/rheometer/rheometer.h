@@ -66,10 +66,10 @@ int kn_rheometer_open(kn_rheometer *b, const kn_rheometer_options *opt);
 void kn_rheometer_close(kn_rheometer *b);
 void kn_rheometer_fresh(kn_rheometer *b); // replace the specimen by an undeformed one and set the time to 0
 
-// Apply a load (weight `load_n`), a strain that starts at `from` and changes at a constant rate, or an oscillating
-// strain, from the present time on. Afterwards the readings in `b` are those just after the change. Return an exit
-// code. A sudden step of strain fails if the element at first responds as a dashpot, because the stress would be
-// infinite.
+// Change the drive of the specimen at the present time: a load (the weight load_n), a strain (beginning with the value
+// `from`, then changing at the rate rate_per_s), or an oscillating strain. Afterwards the readings in `b` are those
+// just after the change. Return an exit code. A sudden step of strain fails if the element at first responds as a
+// dashpot, because the stress would be infinite.
 int kn_rheometer_load(kn_rheometer *b, double load_n);
 int kn_rheometer_strain(kn_rheometer *b, double from, double rate_per_s);
 int kn_rheometer_swing(kn_rheometer *b, double amplitude, double omega);

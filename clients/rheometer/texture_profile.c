@@ -76,8 +76,8 @@ static int let_go(plate *p)
     return kn_rheometer_load(p->b, 0);
 }
 
-// Return true if contact of plate and specimen must end or begin now: the plate cannot pull, and it cannot pass through
-// the specimen.
+// Return true if contact of plate and specimen must end or begin now, because the plate can neither pull the specimen
+// nor pass through it.
 static bool changes(const plate *p)
 {
     if (p->touches) return p->b->stress_pa < 0;

@@ -39,7 +39,7 @@ probes:
 YAML
 knead check tools.yaml --set device.force_scale=0.5 >out || fail "the scene with every kind of tool is refused: $(cat out)"
 for line in 'brick: box 10 x 10 x 10 mm' 'star: cross 20 x 10 x 10 mm' 'pin: cylinder of radius 10 mm, 20 mm high' 'stamp: mesh of 12 triangles' \
-    'the hand is given 0.5 of the force'; do
+    'the hand feels 0.5 times the object'; do
     grep -q "$line" out || fail "$line: $(cat out)"
 done
 reports "^pressure .* elements, each closed" "$KN_SOURCE/core/scenes/bun.yaml" --set object.pressure=cells

@@ -21,7 +21,7 @@ check "the hand finished its press" wait $probe
 stop_kneadd
 grep 'circuit' kneadd.err
 on=$(sed -n 's/^kneadd: \([0-9]*\) ticks on the circuit.*/\1/p' kneadd.err)
-alone=$(sed -n 's/.*; \([0-9]*\) by the twin alone.*/\1/p' kneadd.err)
+alone=$(sed -n 's/.*, \([0-9]*\) by the twin alone.*/\1/p' kneadd.err)
 # their number depends on the machine's other load: a tick takes half a millisecond of a processor
 check "at least 1000 ticks ran on the circuit: $on, on the twin alone $alone" [ "$on" -ge 1000 ]
 check "the circuit was lost at least once per kill" [ "$(grep -oE 'lost [0-9]+ times' kneadd.err | tail -1 | grep -oE '[0-9]+')" -ge "$kills" ]
