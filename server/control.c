@@ -437,7 +437,7 @@ static void listen_to(peer *p)
     ssize_t size = recv(p->fd, p->line + p->length, sizeof p->line - p->length, 0);
     if (size > 0) p->length += (size_t)size;
     else if (size == 0) end(p);
-    // on a read error, disconnect the peer unless its slow request still waits for an answer
+    // on a read error, disconnect the peer, except if its slow request still waits for an answer
     else if (errno != EAGAIN && errno != EINTR) p->request ? end(p) : hang_up(p);
 }
 

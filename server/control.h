@@ -59,7 +59,7 @@ json_t *kn_control_judge(const kn_control_def *def, const char *line, size_t len
 // Bind the socket to `path`. The socket file of a server that has ended is replaced. On failure return NULL and put one
 // line in error.
 kn_control *kn_control_open(const char *path, const kn_control_def *def, char *error, size_t error_size);
-// Close the socket, and remove its file unless another server has replaced the file. Call this function after the
+// Close the socket and remove its file. Keep the file if another server has replaced it. Call this function after the
 // threads that run kn_control_turn and kn_control_work have ended. `control` may be NULL.
 void kn_control_close(kn_control *control);
 

@@ -339,7 +339,7 @@ static bool needs(const server *d, int thread)
 
 // --- start and stop ---
 
-// Parse the two URLs, and load the key if there is one.
+// Parse the two URLs, and load the key if a key file was given.
 static bool choose_buses(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     // without --lcm-url, take the URL from the environment, as every LCM client does
@@ -364,7 +364,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     if (d->fd < 0) return false;
     uint64_t hash = kn_state_hash(d->on.model, d->on.backend.state(d->on.backend.self));
     kn_exchange *x = &d->exchange;
-    // Set up the exchange: receiver, publisher and mesh publisher, with the key if there is one.
+    // Set up the exchange: receiver, publisher and mesh publisher, with the key if a key file was given.
     *x = (kn_exchange){.loop = &d->loop, .trace = &d->trace, .sentinel = &d->sentinel};
     kn_receiver_init(&x->receiver, &d->on.model->def);
     memcpy(x->receiver.peer, def->peer, sizeof def->peer);
@@ -404,7 +404,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
     return kn_refuse(error, error_size, "out of memory or file descriptors");
 }
 
-// Set up the operator, and open the control socket if there is one.
+// Set up the operator, and open the control socket if --control was given.
 static bool open_control(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
     kn_operator_def on = {.served = &d->on,

@@ -112,7 +112,7 @@ typedef struct kn_log_summary {
     char force_probe[KN_PROBES_MAX][64]; // names of the probes for which the log holds forces
     // First and last tick number of all records; first tick number of a force; -1: none.
     int64_t first_tick, last_tick, first_force_tick;
-    int64_t before_tick; // last tick that ran before first_tick; equals first_tick - 1 unless cycles were missed
+    int64_t before_tick; // last tick that ran before first_tick; first_tick - 1 if no cycle was missed
     // Log times, us. first_utime, last_utime: first and last record; first_pose_utime: first pose, -1: no pose;
     // origin_utime: tick 0, extrapolated from first_tick.
     int64_t first_utime, last_utime, first_pose_utime, origin_utime;

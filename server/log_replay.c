@@ -81,7 +81,7 @@ static bool choose_scene(kn_replay *r, const kn_replay_def *def, char *error, si
                                          strlen(v->found.scene_text), def->sets, def->set_count, error, error_size);
     if (!r->scene) return false;
     r->same = !def->afresh && v->found.scene_text && r->scene->text_hash == v->found.scene_hash;
-    // refuse a scene other than the log's, unless settings show that the difference is intended
+    // refuse a scene other than the log's, except if settings show that the difference is intended
     if (r->same || !v->found.scene_text || def->set_count > 0) return true;
     if (!def->scene_path)
         return kn_refuse(error, error_size, "%s: this version of knead reads the log's scene '%s' differently",
@@ -499,7 +499,7 @@ static void take_pose(kn_replay *r, int p)
     kn_pose *pose = &r->tick.pose[p];
     r->tally.forces++;
     const kn_pose *found = find_pose(v, p, f->session, f->seq);
-    // a pose that is not remembered any more may still be the one that the previous tick used
+    // if the pose is not remembered any more, it may still be the pose that the previous tick used
     bool held = v->live[p] && pose->session == f->session && pose->seq == f->seq;
     r->tick.in.fresh[p] = !(f->flags & KNEAD_CONTACT_FORCE_T_FLAG_STALE);
     v->live[p] = v->live[p] || found;

@@ -79,8 +79,8 @@ typedef struct turn {
 
 // --- read ---
 
-// Adopt the deadline (units of work per step) of a changed scene, unless it is 0. Reset the counts of slow and fast
-// steps, because they belong to the old model.
+// Adopt the deadline of a changed scene (units of work per step). 0 leaves the deadline unchanged. Reset the counts of
+// slow and fast steps, because they belong to the old model.
 static void take_deadline(kn_loop *loop, kn_tick_in *in)
 {
     if (in->change->deadline > 0) in->deadline = loop->deadline = loop->measured_deadline = in->change->deadline;

@@ -41,8 +41,8 @@ typedef struct kn_orders { // orders on their way from the operator's thread to 
     _Atomic int64_t given;
     atomic_int quality;             // quality that the latest KN_ORDER_QUALITY requests
     const struct kn_saved *restore; // argument of KN_ORDER_RESTORE; must stay valid until a tick has taken the order
-    // Argument of KN_ORDER_CHANGE. The change must stay valid until a tick has taken a later change, and no thread uses
-    // this change any more.
+    // Argument of KN_ORDER_CHANGE. The change must stay valid until a tick has taken a later change and no thread uses
+    // this change any more. Both must be true.
     kn_scene_change *change;
     // State hash of the object after the latest restore or undo; 0: there was nothing to undo.
     _Atomic uint64_t restored;

@@ -56,7 +56,7 @@ typedef struct kn_option {
     // is the value that is stored. LIST: `most` is the size of the list.
     double least, most;
     // SPECIAL: store the value and return NULL. If the value is invalid, return the text after "expected" in the
-    // message; the row's `expected`, if there is one, replaces this text.
+    // message. A text `expected` in the row replaces the returned text.
     const char *(*take)(void *field, const char *text);
     void (*call)(void);
     // Not 0: the option takes a list of at most `items` values, separated by commas. The field is then an array: of int
@@ -104,9 +104,9 @@ enum { KN_OPTIONS_READ = -1 };
 // after --help and other answers, 2 after a mistake, whose message has been printed.
 int kn_options_read(const kn_option_table *table, void *to, int argc, char **argv);
 
-// Print a message on stderr: "knead check: what is wrong, what was expected". A message that
-// names a place in a file, "scene.yaml:14:9: ...", gets no prefix unless always_named is set. Editors can jump to the
-// place only if it stands at the beginning of the line.
+// Print a message on stderr: "knead check: what is wrong, what was expected". If the message begins with a place in a
+// file, such as "scene.yaml:14:9: ", it gets no prefix, because editors can jump to a place only at the beginning of a
+// line. always_named: print the prefix in every case.
 void kn_message_print(const char *program, bool always_named, const char *format, va_list args);
 
 // Read a quantity such as "3 kPa" into *value, converted to `unit`. Return true if the quantity has the dimension of

@@ -8,10 +8,10 @@
 
 #define SAME_FLAG(name)                                                                                                \
     static_assert(KN_FLAG_##name == KNEAD_CONTACT_FORCE_T_FLAG_##name,                                                 \
-                  "core and contact_force_t number this flag alike")
+                  "core and contact_force_t give this flag the same number")
 #define SAME_FAULT(name)                                                                                               \
     static_assert((int)KN_FAULT_##name == KNEAD_CONTACT_FORCE_T_FAULT_##name,                                          \
-                  "core and contact_force_t number this fault alike")
+                  "core and contact_force_t give this fault the same number")
 SAME_FLAG(ENGAGED);
 SAME_FLAG(RAMPING);
 SAME_FLAG(LATCHED);

@@ -83,7 +83,7 @@ typedef struct kn_tick_in {
     // In a replay: 1: the recorded overload begins; -1: the recorded overload ends; 0: unchanged.
     int overload;
     kn_quality_cause take;
-    kn_quality quality; // new quality point, unless `take` is KN_QUALITY_CAUSE_NONE; its kn_point.live must be set
+    kn_quality quality; // new quality point; its kn_point.live must be set; not read if `take` is KN_QUALITY_CAUSE_NONE
     // Time from the start of the last tick until its forces were ready, ns; 0: no clock, so ticks are not judged by
     // time.
     int64_t execution_ns;

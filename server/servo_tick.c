@@ -37,7 +37,7 @@ static void read_probe(kn_tick *t, int p)
     w->overload = t->servo->overloaded;
     w->change = t->change;
     w->elapsed_ms = t->in->missed < 1000 ? 1 + t->in->missed : 1000;
-    // take the new pose, and move the tool to it unless the clutch is held
+    // take the new pose, and move the tool to it if the clutch is not held
     if (w->opened) kn_clutch_open(&t->servo->clutch[p]);
     if (w->fresh) {
         *last = *pose;
@@ -84,7 +84,7 @@ static void judge_time(kn_tick *t)
 }
 
 // Begin an overload after KN_OVER_TICKS or more slow ticks in a row that together took KN_OVERLOAD_NS. End the overload
-// with the first tick that is not slow. During an overload no tool acts on the object, so ticks are fast unless the
+// with the first tick that is not slow. During an overload no tool acts on the object, so ticks are slow only if the
 // object alone takes too long.
 static void judge_overload(kn_tick *t)
 {

@@ -31,8 +31,8 @@ typedef struct kn_output_folder {
     char path[PATH_MAX - 256], folder[PATH_MAX - 256];
 } kn_output_folder;
 
-// Create the temporary folder. It is an error if `path` is a file or a folder that is not empty, because existing files
-// are never replaced: `*taken` then becomes true. On any failure return false with one sentence in error.
+// Create the temporary folder. If `path` is a file or a folder that is not empty, set *taken to true and fail, because
+// existing files are never replaced. On any failure return false with one sentence in error.
 bool kn_output_folder_open(kn_output_folder *batch, const char *path, bool *taken, char *error, size_t error_size);
 
 // Rename the temporary folder to its final path. On failure remove the folder and return false with one sentence in

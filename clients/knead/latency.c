@@ -66,7 +66,7 @@ static const char *take_contract(void *to, const char *text)
     char rest;
     if (!strcmp(text, "none")) return us[0] = us[1] = -1, NULL;
     if (sscanf(text, "%lf,%lf%c", &us[0], &us[1], &rest) == 2 && us[0] >= 0 && us[1] >= 0) return NULL;
-    return "two numbers of us, like 60,150, or none";
+    return "two times in us, like 60,150, or none";
 }
 
 // Read the command-line options and check that they can be combined.

@@ -73,8 +73,8 @@ typedef struct kn_latency_served {
 // Choose URLs of buses that only this process uses, on LCM's multicast group. Store the URLs for kneadd in `s` and the
 // URL for the echo in `echo_url`.
 void kn_latency_served_urls(kn_latency_served *s, char echo_url[KN_LATENCY_URL_SIZE]);
-// Start kneadd and wait until it serves the scene. The executable is the one in the folder of this program, else the
-// one in PATH. Return an exit code. On failure kneadd or this program has printed the reason on stderr.
+// Start kneadd and wait until it serves the scene. Use the executable in the folder of this program. If the folder has
+// none, search PATH. Return an exit code. On failure kneadd or this program has printed the reason on stderr.
 int kn_latency_served_start(kn_latency_served *s, const char *scene, const char *phase);
 // Stop kneadd and copy the times of the stages from its trace into `poses`. Return false if kneadd ended with an error.
 bool kn_latency_served_stop(kn_latency_served *s, kn_flights *poses);

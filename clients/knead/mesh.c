@@ -193,8 +193,8 @@ static int run_program(const job *j, char *const *argv)
     return child > 0 ? attend(j, child) : -1;
 }
 
-// Find the line of the program's log that gives the reason of a failure. It is the first line about an error, else the
-// last line.
+// Find the line of the program's log that gives the reason of a failure: the first line about an error, or the last
+// line if no line is about an error.
 static void find_reason(const job *j, char reason[LINE_BYTES])
 {
     char line[LINE_BYTES];

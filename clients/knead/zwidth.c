@@ -52,7 +52,8 @@ static const double friction_share[FRICTIONS] = {0.5, 1.0, 2.0, 5.0, 10.0};
 static const double damping_share[DAMPINGS] = {1.0, 0.0, 0.5, 2.0};
 // Range of the coupling stiffnesses that are tried [N/m], and the factor between two successive ones.
 static const double least_n_m = 10.0, most_n_m = 20000.0, ladder = 1.25;
-// Number of bisection steps after the rising series of couplings. Four steps narrow the factor of 1.25 to 1.4 %.
+// Number of bisection steps after the rising series of couplings. Successive couplings of the series differ by a factor
+// of 1.25. Four steps narrow this to 1.4 %.
 enum { HALVINGS = 4 };
 
 static const char *const columns[] = {

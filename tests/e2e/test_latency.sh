@@ -16,7 +16,7 @@ END
 }
 expect 'knead latency: --slow: unknown option; knead latency --help lists them$' 2 knead latency "$small" --slow
 expect '--seconds 0: expected 1 to 3600$' 2 knead latency "$small" --seconds 0
-expect '--contract 60: expected two numbers of us, like 60,150, or none$' 2 knead latency "$small" --contract 60
+expect '--contract 60: expected two times in us, like 60,150, or none$' 2 knead latency "$small" --contract 60
 expect '--phase lose: expected lock or free$' 2 knead latency "$small" --phase lose
 expect 'lose: expected --phase lock or free$' 2 kneadd --scene "$small" --phase lose
 expect 'nope.yaml:1:1: ' 2 knead latency nope.yaml
