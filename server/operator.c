@@ -490,9 +490,9 @@ static json_t *set(kn_operator *o, const json_t *argument)
 }
 
 // Hide quoted text in an error message, except text that looks like words of a scene. kneadd can read files that the
-// peer must not read, and an error message would quote these files. `size`: room that the message had, bytes; the buffer is
-// SECRET bytes larger. A message that fills the room may have been cut off within a quotation. Such an unfinished
-// quotation is hidden, too.
+// peer must not read, and an error message would quote these files. `size`: room that the message had, bytes; the
+// buffer is SECRET bytes larger. A message that fills the room may have been cut off within a quotation. Such an
+// unfinished quotation is hidden, too.
 static void keep_secret(char *why, size_t size, const char *path)
 {
     size_t skipped = strncmp(why, path, strlen(path)) == 0 ? strlen(path) : 0, word = 0;

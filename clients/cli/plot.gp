@@ -1,6 +1,7 @@
 # The common look of all plots. knead's commands embed this file; server/run and bench/papers load it. The variables
 # `wide` and `high`, the size of the image in pixels, must be set before. The colours are those of Okabe and Ito, which
-# colour-blind readers can distinguish. The darker colours come first. In grey, points and dashes distinguish the curves.
+# colour-blind readers can distinguish. The darker colours come first. In a grey print, points and dashes distinguish
+# the curves.
 set encoding utf8
 set terminal pngcairo noenhanced size wide,high font 'sans,11'
 set border 3 lc rgb '#444444'
