@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Remove all tools from a still, and release the shapes of those that are unions.
+// Remove all tools from a still. Release the shapes of the tools that are unions of several parts.
 static void drop_tools(kn_object_still *s)
 {
     for (int i = 0; i < s->view.probe_count; i++)
@@ -51,8 +51,8 @@ bool kn_object_still_copy(kn_object_still *to, const kn_object_still *from)
     return to->value;
 }
 
-// Choose the colour by the kind of material, so that dough, jelly and clay differ. A flat object (thickness_m > 0) is
-// drawn with flat tools.
+// Choose the colour by the kind of material, so that dough, jelly and clay differ. Also copy the thickness: if it is
+// above 0, the object is flat and is drawn with flat tools.
 static void paint(kn_view_scene *view, const kn_model_def *def)
 {
     static const float jelly[3] = {0.80f, 0.33f, 0.40f}, clay[3] = {0.74f, 0.47f, 0.36f};
@@ -64,7 +64,7 @@ static void paint(kn_view_scene *view, const kn_model_def *def)
     else if (m->k1_pa == 0) memcpy(view->color, clay, sizeof clay);
 }
 
-// Compute the shape at rest. Return false if the surface of the model is not the mesh of the still.
+// Compute the shape at rest. Return false if the surface of the model and the mesh of the still are different meshes.
 static bool rest_shape(kn_object_still *s, const kn_model *model, const kn_surface *surface)
 {
     if (surface->vertex_count != s->vertex_count || surface->triangle_count != s->triangle_count) return false;
@@ -201,7 +201,7 @@ void kn_object_still_hand(kn_object_still *s, const double position_m[3], const 
 bool kn_object_still_live(kn_object_still *s, const kn_live_server *live, char *error, size_t error_size)
 {
     char why[400];
-    // Write the error message before the copy, which may fail, and clear the message after the copy.
+    // Only lack of memory can make the copy fail. So set this error message first, and clear it after the copy.
     snprintf(error, error_size, "out of memory");
     if (!fill(s, live->mesh.vertex_count, live->mesh.positions_m, live->mesh.triangle_count, live->mesh.triangles))
         return false;
@@ -234,10 +234,12 @@ void kn_object_still_update(kn_object_still *s, const kn_live_server *live)
     }
 }
 
-// Two positions at rest count as equal up to this distance, m. The positions have single precision.
+// Two positions at rest count as equal up to this distance, m. It allows for rounding errors, because the positions
+// have single precision.
 #define SAME_M 1e-6
-// Largest allowed distance at rest between two matched vertices, as a share of the longest triangle side. Each point of
-// an equilateral triangle, or of a square of two triangles, is closer to a corner than this share.
+// Largest allowed distance at rest between two matched vertices, as a share of the longest triangle side. In an
+// equilateral triangle, no point is farther from the nearest corner than 0.58 times the side. In a square of two
+// triangles, no point is farther than 0.5 times the diagonal.
 #define COARSE 0.6
 
 // A vertex in a list that is sorted by x, for the search of the nearest vertex.
@@ -259,8 +261,8 @@ static float squared(const float a[3], const float b[3])
     return d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
 }
 
-// Compare one vertex with the nearest vertex found so far. Return false if its distance along x alone is larger than
-// the distance of the nearest vertex.
+// Compare one vertex with the nearest vertex found so far. Return false if the search in this direction can end,
+// because the distance along x alone is already larger than the distance of the nearest vertex found.
 static bool nearer(const spot *s, const float x[3], const spot **best, float *least)
 {
     const float across = s->x[0] - x[0], d = squared(s->x, x);
@@ -269,8 +271,9 @@ static bool nearer(const spot *s, const float x[3], const spot **best, float *le
     return true;
 }
 
-// Find the nearest vertex in a list that is sorted by x. The search starts at x and goes to both sides, until the
-// distance along x alone exceeds the distance of the nearest vertex found.
+// Find the nearest vertex in a list that is sorted by x. Search upwards and then downwards from the position of the
+// point `x` in the list. In each direction, stop when the distance along x alone exceeds the distance of the nearest
+// vertex found.
 static const spot *nearest(const spot *s, int count, const float x[3])
 {
     const spot *best = NULL;
@@ -306,7 +309,8 @@ static spot *sorted(const kn_object_still *s)
     return out;
 }
 
-// Find the nearest vertex of `from` for each vertex of `to`. Raise `*apart_m` to the largest of their distances.
+// Find the nearest vertex of `from` for each vertex of `to`. If the largest distance between a vertex and its nearest
+// vertex exceeds `*apart_m`, store this distance in `*apart_m`.
 static bool find_nearest(const kn_object_still *from, const kn_object_still *to, int *vertex, double *apart_m)
 {
     spot *s = sorted(from);
@@ -341,7 +345,8 @@ bool kn_vertex_match_make(kn_vertex_match *m, const kn_object_still *first, cons
     return ok;
 }
 
-// Check the number of vertices and the range of the indices, because the meshes may have changed since the match.
+// Check the number of vertices and the range of the indices, because the meshes may have changed since the vertices
+// were matched.
 bool kn_vertex_match_fits(const kn_vertex_match *m, const kn_object_still *first, const kn_object_still *second)
 {
     if (m->count != second->vertex_count || !m->first) return false;
@@ -408,8 +413,8 @@ static void forget_mesh(kn_object_picture *shot)
     shot->triangle = NULL;
 }
 
-// Give the mesh to the renderer, which then computes skin, creases and camera. In a film of one object this happens
-// only once.
+// Give the mesh to the renderer, unless the renderer already holds it. For a new mesh, the renderer must determine the
+// creases and the lines, so a film of one object loads its mesh only once.
 static bool load_mesh(kn_object_picture *shot, const kn_object_still *s)
 {
     if (same_mesh(shot, s)) return true;
@@ -419,7 +424,7 @@ static bool load_mesh(kn_object_picture *shot, const kn_object_still *s)
         return false;
     shot->rest = malloc((size_t)s->vertex_count * sizeof *s->rest);
     shot->triangle = malloc((size_t)s->triangle_count * sizeof *s->triangle);
-    // If memory for these copies is short, the next picture loads the mesh again.
+    // If memory for these copies is short, the renderer gets the mesh again with the next picture.
     if (!shot->rest || !shot->triangle) return true;
     shot->vertex_count = s->vertex_count;
     shot->triangle_count = s->triangle_count;

@@ -43,8 +43,8 @@ bool kn_object_still_measure(kn_object_still *still, const kn_model *model, cons
 // the measure is not known or memory is short. Memory is allocated at the first call only.
 bool kn_object_still_told(kn_object_still *still, const kn_live_server *live, kn_measure what);
 
-// Divide `value` and `edge_value` by `top` in place. The results are places on the renderer's colour scale, on which 1
-// stands for `top`.
+// Divide `value` and `edge_value` by `top` in place. The results are positions on the renderer's colour scale, which
+// ends at 1.
 void kn_object_still_scale(kn_object_still *still, double top);
 // Return the largest number in the arrays still->value and still->edge_value.
 double kn_object_still_most(const kn_object_still *still);
@@ -70,9 +70,9 @@ bool kn_object_still_copy(kn_object_still *to, const kn_object_still *from);
 void kn_object_still_free(kn_object_still *still);
 
 // Comparison of two objects vertex by vertex. Each vertex of the second object is matched with the nearest vertex of
-// the first object at rest. If both objects have the same mesh, the two vertices coincide at rest. The distance tells
-// how far two matched vertices have moved apart: |(x2 - X2) - (x1 - X1)|, where x is the present position and X the
-// position at rest.
+// the first object at rest. If both objects have the same mesh, the two vertices of a match coincide at rest. The
+// distance tells how far two matched vertices have moved apart: |(x2 - X2) - (x1 - X1)|, where x is the present
+// position and X the position at rest.
 
 typedef struct kn_vertex_match {
     int count;  // number of vertices of the second object
@@ -86,7 +86,8 @@ typedef struct kn_vertex_match {
 // than the edge length of the coarser mesh can explain.
 bool kn_vertex_match_make(kn_vertex_match *match, const kn_object_still *first, const kn_object_still *second,
                           char *error, size_t error_size);
-// Return true if the match can still be used, because the number of vertices of each object has not changed.
+// Return true if the match can still be used: the second object has the same number of vertices as before, and the
+// first object has all vertices that the match refers to.
 bool kn_vertex_match_fits(const kn_vertex_match *match, const kn_object_still *first, const kn_object_still *second);
 
 // For every vertex of the second object, compute how far it has moved apart from its matched vertex of the first
@@ -112,8 +113,8 @@ typedef enum kn_object_picture_words {
 } kn_object_picture_words;
 
 // Draw a still into rgba[height][width][4]. scale: colour scale of still->value; NULL: the object has its own colour.
-// The function replaces the still's values by places on the colour scale. Return false and one sentence in `error` on
-// failure.
+// The function replaces the still's values by positions on the colour scale. Return false and one sentence in `error`
+// on failure.
 bool kn_object_picture_take(kn_object_picture *shot, kn_object_still *still, const kn_scale *scale,
                             kn_object_picture_words words, uint8_t *rgba, char *error, size_t error_size);
 // Free a shot (a maker of pictures). NULL is allowed.
@@ -123,8 +124,8 @@ void kn_object_picture_close(kn_object_picture *shot);
 
 #define KN_MEASURE_WORDS "displacement|stress|residual" // the names of kn_measure
 
-// Read a moment of a recording into the double at `at_s`: seconds, or INFINITY for "end". Return NULL, or the expected
-// words if `text` is not a valid value.
+// Read a moment of a recording into the double at `at_s`: seconds, or INFINITY for "end". Return NULL. If `text` is not
+// a valid value, return a text that says what was expected.
 const char *kn_moment_take(void *at_s, const char *text);
 
 // Read the upper end of the colour scale from `text`. Return the value in the SI unit of the measure, 1e-9 .. 1e12, or
@@ -132,9 +133,9 @@ const char *kn_moment_take(void *at_s, const char *text);
 double kn_measure_top(kn_measure measure, const char *text);
 const char *kn_measure_top_example(kn_measure measure); // example of a scale end for help texts, like "'2 mm'"
 
-// Return the upper end of the colour scale: `asked` if it is not 0, else a round number above `most`, the largest value
-// of the data. Each measure has a smallest upper end, so that an object at rest does not show rounding errors as
-// colours.
+// Return the upper end of the colour scale. If `asked` is not 0, return `asked`. Otherwise return a round number that
+// is not below `most`, the largest value of the data. This number has a lower limit for each measure, so that an object
+// at rest does not show rounding errors as colours.
 double kn_measure_scale(kn_measure measure, double asked, double most);
 
 #endif

@@ -19,7 +19,7 @@ typedef struct cell_list {
     const kn_model *model; // model of the object; must outlive this list of cells
     int count;
     // corner: node numbers of the corners of all cells, end[count - 1] elements. end: for each cell, the index in
-    // `corner` after its last node, [count].
+    // `corner` after the cell's last corner, [count].
     int32_t *corner, *end;
     uint8_t *type; // VTK cell type of each cell, [count]
     double *rest;  // volume of each cell at rest, m^3, [count] values
@@ -34,7 +34,8 @@ static void add_cell(cell_list *c, const kn_cell *cell, uint8_t type, int count,
     int32_t at = c->count > 0 ? c->end[c->count - 1] : 0;
     for (int i = 0; i < count; i++) {
         const int corner = cell->corner[square ? round[i] : i] + node;
-        // In a composite (a lattice with two resolutions) several nodes stand for the same point: use the master node.
+        // In a composite (a lattice with two resolutions) several nodes can stand for the same point. One of them is
+        // the master node; use this node.
         c->corner[at++] = c->model->composite ? kn_composite_master(c->model, corner) : corner;
     }
     c->type[c->count] = type;
@@ -111,7 +112,7 @@ static bool cells_list(cell_list *c, const kn_model *m)
     c->end = malloc(count * sizeof *c->end);
     c->type = malloc(count);
     c->rest = malloc(count * sizeof *c->rest);
-    // Append the cells of a mesh, of a grid, or of a composite of grids, whichever the object is.
+    // Append all cells. The object is a mesh, a grid, or a composite of several grids.
     bool fits = c->corner && c->end && c->type && c->rest;
     if (fits && m->def.mesh) add_mesh(c, m->def.mesh);
     else if (fits && !m->composite) fits = add_grid(c, &m->grid, 0);
@@ -143,7 +144,7 @@ typedef struct tool_form {
 
 #define PLATE_THICKNESS_M 0.002
 #define STEPS 12 // number of steps that divide a quarter turn
-// Number of points of a ring: each of 4 quarters has STEPS + 1 points, both of its ends included.
+// Number of points of a ring: 4 quarters of STEPS + 1 points each. A quarter includes both of its end points.
 #define AROUND (4 * (STEPS + 1))
 // Number of rings: STEPS + 1 in the lower half and STEPS + 1 in the upper half of the surface.
 #define RINGS (2 * (STEPS + 1))
@@ -151,9 +152,8 @@ typedef struct tool_form {
 #define TRIANGLES (2 * AROUND * RINGS)
 
 // Every solid of shape.h except a mesh is the space that a ball covers while its centre moves through a core: a box, a
-// disc, a line or a point.
-// half_m: half extents of the box or line. disc_m: radius of the disc. roll_m: radius of the ball. up_m: height of the
-// core's middle.
+// disc, a line or a point. half_m: half extents of the box or line. disc_m: radius of the disc. roll_m: radius of the
+// ball. up_m: height of the core's middle above the origin of the solid.
 typedef struct core {
     double half_m[3], disc_m, roll_m, up_m;
 } core;
@@ -169,7 +169,7 @@ static core core_of(const kn_solid *p)
 }
 
 // Compute a point of the surface. `around`: index within the ring. `ring`: index of the ring, counted from the bottom.
-// Each quarter of a turn belongs to one corner of the core, so quarters are joined by flat strips.
+// The points of each quarter turn lie around one corner of the core. Flat strips join the quarters.
 static void point_of(const core *c, int ring, int around, float out[3])
 {
     static const double quarter = 1.5707963267948966;
@@ -193,7 +193,7 @@ static void add_triangle(tool_form *f, int a, int b, int c)
         ac[k] = (double)f->xyz[c][k] - (double)f->xyz[a][k];
     }
     kn_cross(ab, ac, across);
-    // Leave out a triangle without area, as there are at the pole of a sphere or at a sharp edge.
+    // Leave out a triangle without area. Such triangles occur at the poles of a sphere and at sharp edges.
     if (kn_dot(across, across) < 1e-24) return;
     f->triangle[f->triangle_count][0] = a;
     f->triangle[f->triangle_count][1] = b;
@@ -269,7 +269,7 @@ static void tool_form_free(tool_form *f)
 // Make the surface of a tool. Return false when memory is short.
 static bool tool_form_make(tool_form *f, const kn_model *model, int probe)
 {
-    // Count first, so that the arrays are allocated once.
+    // Count the points and triangles first, so that the arrays are allocated once.
     const kn_shape shape = shape_of(model, probe);
     size_t points = 1, triangles = 0;
     for (const kn_solid *p = shape.part; p < shape.part + shape.part_count; p++) {
@@ -309,8 +309,8 @@ static void tool_form_place(const tool_form *f, const kn_probe_def *def, const d
         }
 }
 
-// Arrays that depend on the model, and their numbers of elements. The sizes of cells and edges get one more element,
-// because calloc(0) may return NULL.
+// Arrays that depend on the model, and their numbers of elements. An array with one element per cell or edge gets one
+// spare element, because there may be no cells, and calloc may return NULL for a size of 0.
 #define ARRAYS(X)                                                                                                      \
     X(measure, nodes)                                                                                                  \
     X(contact, nodes)                                                                                                  \
@@ -334,7 +334,7 @@ struct kn_paraview {
     int moments;
     // Model to which the arrays below belong. NULL: no model yet.
     const kn_model *model;
-    int models; // running number of this model, see kn_moment
+    int models; // running number of `model`, see kn_moment
     cell_list cells;
     kn_springs springs;
     kn_gauge *gauge;
@@ -400,7 +400,7 @@ static bool take_model(kn_paraview *p, const kn_model *model)
     return fits;
 }
 
-// Read the numbers of all nodes: positions, velocities, stress, residual strain, contact forces.
+// Read the quantities of all nodes: positions, velocities, stress, residual strain, contact forces.
 static void read_nodes(kn_paraview *p, const kn_moment *m)
 {
     const kn_model *model = m->model;
@@ -488,12 +488,14 @@ typedef struct tool_room {
     uint8_t *type;
 } tool_room;
 
-// Fill the buffers: cell 0 is the vertex at the tool's position (point 0), then the triangles of the surface.
+// Fill the buffers. Cell 0 is a vertex at the tool's position (point 0). The other cells are the triangles of the
+// surface.
 static void fill_tool(tool_room *r, const tool_form *f, const kn_force *tool, const kn_probe_def *def)
 {
     float(*vector)[3] = (float(*)[3])r->vector;
     tool_form_place(f, def, tool->proxy_position_m, tool->proxy_orientation_wxyz, r->xyz);
-    // `vector` holds three arrays one after the other, each with one vector per point. Only point 0 differs from 0.
+    // `vector` holds three arrays one after the other, each with one vector per point. Only the vectors of point 0 are
+    // set; all others stay 0.
     for (int k = 0; k < 3; k++) {
         vector[0][k] = (float)tool->force_n[k];
         vector[f->point_count][k] = (float)tool->contact_force_n[k];

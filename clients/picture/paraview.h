@@ -53,7 +53,7 @@ enum {
 
 typedef struct kn_vtu_array {
     const char *name;   // name of the quantity with its unit, such as "velocity_m_s"
-    int components;     // numbers per point or cell: 1 or 3; a field may have any number
+    int components;     // numbers per point or cell: 1 or 3; in `field`: any number
     const float *value; // `components` numbers for each point or cell, one point after the other
 } kn_vtu_array;
 
@@ -66,7 +66,8 @@ typedef struct kn_vtu { // contents of one .vtu file; the caller owns the arrays
     const int32_t *end;    // for each cell, the index in `corner` after the cell's last corner
     const uint8_t *type;   // for each cell, its shape as KN_VTK_*
     int point_arrays, cell_arrays, field_arrays;
-    // Arrays of numbers on points, on cells, and for the whole file. An array in `field` has one tuple.
+    // point, cell: arrays with `components` numbers for each point or each cell. field: arrays with `components`
+    // numbers for the whole file.
     kn_vtu_array point[KN_VTU_ARRAYS], cell[KN_VTU_ARRAYS], field[KN_VTU_ARRAYS];
 } kn_vtu;
 

@@ -9,8 +9,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-// ARGS_MAX: largest number of arguments of ffmpeg. NICENESS: niceness of ffmpeg, which gives a servo loop on this
-// machine priority. EXIT_NO_PROGRAM: exit code of the child process if ffmpeg is not installed.
+// ARGS_MAX: largest number of arguments of ffmpeg. NICENESS: niceness of ffmpeg, so that a servo loop on this machine
+// has priority. EXIT_NO_PROGRAM: exit code of the child process if ffmpeg is not installed.
 enum { ARGS_MAX = 48, NICENESS = 10, EXIT_NO_PROGRAM = 127 };
 
 struct kn_video_file {
@@ -26,9 +26,9 @@ struct kn_video_file {
     struct sigaction before; // signal action of SIGPIPE before the film was opened
 };
 
-// Encoder arguments of ffmpeg for each ending of the file name. H.264 has a form that every player accepts, with no
-// visible loss at crf 18. VP9 has the same quality and encodes fast enough to follow the pictures. A GIF gets a palette
-// for each picture, because ffmpeg would keep all pictures in memory for one common palette.
+// Encoder arguments of ffmpeg for each ending of the file name. H.264 with crf 18 has no visible loss. VP9 has the same
+// quality with these options, and its encoder is fast enough to follow the pictures. A GIF gets a palette for each
+// picture: to compute one palette for the whole film, ffmpeg would keep all pictures in memory.
 typedef struct format {
     const char *ending, *args[16];
 } format;
@@ -41,8 +41,8 @@ static const format formats[] = {
     {".gif", {"-filter_complex", "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1", "-f", "gif"}},
 };
 
-// Arguments of ffmpeg that convert the sRGB colours of the renderer to the colour space that players assume for a film
-// (bt709).
+// Arguments of ffmpeg that convert the sRGB colours of the renderer to the colour space and the pixel format that
+// players expect of a film (bt709, yuv420p).
 static const char *const yuv[] = {"-vf",
                                   "scale=out_color_matrix=bt709:out_range=tv",
                                   "-pix_fmt",
@@ -75,7 +75,7 @@ static int add_all(const char **argv, int count, const char *const *more)
     return count;
 }
 
-// Replace this child process by ffmpeg. Ctrl-C in the terminal must not reach ffmpeg, because the parent process
+// Replace this child process by ffmpeg. Ctrl-C in the terminal must not end ffmpeg: the parent process ends it and
 // removes the file of an interrupted film.
 static void become(const kn_video_file *film, int from, const format *f, int width, int height, double fps)
 {
@@ -87,11 +87,11 @@ static void become(const kn_video_file *film, int from, const format *f, int wid
                                 "rawvideo", "-pixel_format", "rgba",     "-video_size", size,    "-framerate", rate,
                                 "-i",       "pipe:0",        NULL};
     int n = add_all(argv, 0, head);
-    // All formats except GIF need the conversion of colours: a GIF keeps RGB.
+    // Convert the colours for all formats except GIF, because a GIF stores RGB.
     if (strcmp(f->ending, ".gif") != 0) n = add_all(argv, n, yuv);
     n = add_all(argv, n, f->args);
     char name[sizeof film->out.tmp + 8];
-    // The prefix keeps ffmpeg from reading a colon in the name as a protocol.
+    // Without the prefix, ffmpeg would take the part of a name before a colon for a protocol.
     snprintf(name, sizeof name, "file:%s", film->out.tmp);
     argv[n] = name;
     // Put ffmpeg into its own process group, which signals of the terminal do not reach.
@@ -119,7 +119,7 @@ bool kn_video_file_ready(char *error, size_t error_size)
             return true;
         p += n + (p[n] == ':');
     }
-    snprintf(error, error_size, "ffmpeg is not installed, which films need: install the package ffmpeg");
+    snprintf(error, error_size, "films need ffmpeg, which is not installed: install the package ffmpeg");
     return false;
 }
 
@@ -134,7 +134,7 @@ static bool start(kn_video_file *film, const format *f, int width, int height, d
     if (film->ffmpeg == 0) become(film, ends[0], f, width, height, fps);
     if (film->ffmpeg < 0) film->ffmpeg = 0, film->status = -1;
     const bool started = film->ffmpeg > 0;
-    // Parent and child both make the process group, because either may run first.
+    // Both the parent and the child put ffmpeg into its process group, because either may run first.
     if (started) setpgid(film->ffmpeg, film->ffmpeg);
     close(ends[0]);
     return started;
@@ -162,7 +162,7 @@ kn_video_file *kn_video_file_open(const char *path, int width, int height, doubl
 
 bool kn_video_file_add(kn_video_file *film, const uint8_t *rgba)
 {
-    // A signal may interrupt a write. After an interrupted write, `*stopped` decides if the film is continued.
+    // A signal may interrupt a write. After an interrupted write, continue only if `*stopped` is 0.
     for (size_t done = 0; done < film->picture_bytes;) {
         if (*film->stopped) return false;
         const ssize_t n = write(film->pipe, rgba + done, film->picture_bytes - done);
@@ -213,8 +213,8 @@ bool kn_video_file_keep(kn_video_file *film, char *error, size_t error_size)
     end(film, false);
     struct stat made;
     const bool ended_well = WIFEXITED(film->status) && WEXITSTATUS(film->status) == 0 && !*film->stopped;
-    // Check that the file exists and is not empty, because ffmpeg may report success without a file if it has read no
-    // picture.
+    // Check that the file exists and is not empty, because ffmpeg may report success but write no file if it has
+    // received no picture.
     const bool whole = ended_well && !film->broken && stat(film->out.tmp, &made) == 0 && made.st_size > 0;
     last_line(film->said, line, sizeof line);
     bool kept = whole && kn_beside_keep(&film->out, error, error_size);

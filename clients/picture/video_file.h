@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define KN_VIDEO_FILE_NAMES ".mp4, .mov or .mkv: H.264, .webm: VP9, .gif"
+#define KN_VIDEO_FILE_NAMES ".mp4, .mov or .mkv (H.264), .webm (VP9) or .gif"
 
 typedef struct kn_video_file kn_video_file;
 

@@ -33,29 +33,29 @@ static const char help[] =
     "  --azimuth DEG      direction of the camera, -360..360: 0 from the front, 90 from the right\n"
     "  --elevation DEG    height of the camera: 0 level .. 90 from above\n"
     "  --zoom X           magnification, 0.2..20; 2 shows half the width and height (default: 1)\n"
-    "  --color WHAT       displacement, stress (von Mises) or residual: permanent strain (default: none);\n"
+    "  --color WHAT       displacement, stress (von Mises) or residual (permanent strain) (default: none);\n"
     "                     for a served object, stress and residual need mesh.measures in the scene\n"
     "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: the maximum in the\n"
     "                     picture or in the whole film); with --compare and without --color: upper end of the scale\n"
     "                     of distances\n"
-    "  --style STYLE      lined, solid, wire: lines alone, or edges: every edge of the lattice (default: lined)\n"
+    "  --style STYLE      lined, solid, wire (lines alone) or edges (every edge of the lattice) (default: lined)\n"
     "  --no-lines         same as --style solid\n"
     "  --plain            draw no text\n"
     "  --wait SECONDS     longest wait for the messages of kneadd, 0..3600 (default: 6)\n"
     "  --lcm-url URL      bus of poses, forces, scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n\n"
-    "Films (need the program ffmpeg; names end in " KN_VIDEO_FILE_NAMES "):\n"
+    "Films need the program ffmpeg. Their names end in " KN_VIDEO_FILE_NAMES ".\n"
     "  --from S, --to S   part of the recording to film (default: from 0 to its end)\n"
     "  --seconds N        duration of a film of the served object, 0.1..3600\n"
     "  --fps N            pictures per second, 1..120 (default: 30)\n"
     "  --speed X          speed of a recording, 0.01..1000; 2 is twice as fast (default: 1)\n\n"
     "A range image is a 16-bit grey PNG of the object without its tools, seen straight from above, x to the right,\n"
-    "y up. The value 0 means no object; else the height above the table is (value - 1) times a step, which is 1 um\n"
-    "for an object of up to 5 cm. The step and the size of a pixel, in mm, are printed and are in the text chunks\n"
-    "of the file.\n\n"
-    "--compare compares points that coincide at rest: the same vertices or, on another mesh, the nearest ones.\n"
-    "The squares on the table and the black bar are 1 cm for an object of 2 to 20 cm. The arrow has one square per\n"
-    "5 N.\n"
+    "y up. The value 0 means no object. Every other value gives the height above the table: (value - 1) times a\n"
+    "step. The step is 1 um for an object of up to 5 cm. The step and the size of a pixel, in mm, are printed and are\n"
+    "in the text chunks of the file.\n\n"
+    "--compare compares points that coincide at rest. If the two meshes differ, it compares each vertex of B with the\n"
+    "nearest vertex of A. For an object of 2 to 20 cm, the squares on the table have sides of 1 cm, and the black bar\n"
+    "is 1 cm long. The arrow is as long as one square for each 5 N of force.\n"
     "KNEAD_GL=osmesa or egl in the environment selects the renderer (default: the first that is available).\n"
     "Exit codes: 0 ok, 2 bad input, 3 no message, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
 
@@ -67,7 +67,8 @@ static const char *take_size(void *options, const char *text)
     return good ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
 }
 
-// Set azimuth and elevation from the name of a camera. --azimuth and --elevation may change them later.
+// Set azimuth and elevation from the name of a camera. The options --azimuth and --elevation may change the two angles
+// later.
 static const char *take_camera(void *options, const char *text)
 {
     static const struct {
@@ -165,7 +166,7 @@ static int check_film(const kn_view_options *o)
     if (!recorded && !live)
         REFUSE("--video: expected a log among the files; an object at rest does not move by itself");
     if (recorded && o->seconds > 0)
-        REFUSE("--seconds: is for films of the served object, expected --from and --to for a log");
+        REFUSE("--seconds: only for films of the served object, expected --from and --to for a log");
     if (live && !(o->seconds > 0)) REFUSE("--video: expected a log, or --seconds N for the served object");
     if (live && o->speed != 1) REFUSE("--speed %g: expected a log; a served object is filmed in real time", o->speed);
     if (live && (isfinite(o->to_s) || o->from_s != 0)) REFUSE("--from and --to: expected a log");
@@ -181,7 +182,8 @@ static int check_depth(const kn_view_options *o)
 {
     const kn_view_scene usual = kn_view_scene_default();
     if (o->file_count > 1) REFUSE("--depth: expected one object");
-    if (o->measure >= 0 || o->compare) REFUSE("--depth: expected neither --color nor --compare; its greys are heights");
+    if (o->measure >= 0 || o->compare)
+        REFUSE("--depth: expected neither --color nor --compare; the grey levels are heights");
     if (isfinite(o->azimuth_deg) || isfinite(o->elevation_deg) || o->look.azimuth_deg != usual.azimuth_deg ||
         o->look.elevation_deg != usual.elevation_deg || o->look.zoom > 0)
         REFUSE("--depth: the view is straight from above, expected no --camera, --azimuth, --elevation or --zoom");
@@ -202,7 +204,8 @@ static int check_scale(kn_view_options *o)
            kn_measure_top_example(measure));
 }
 
-// Set the default size. Several objects stand side by side in panels of 4:3, as long as the picture fits on a screen.
+// Set the default size. Two or three panels side by side have 640 x 480 pixels each. Four panels share a width of 1920
+// pixels, so that the picture fits on a screen.
 static void default_size(kn_view_options *o)
 {
     const int panels = o->file_count + o->compare;
@@ -232,7 +235,7 @@ static int check(kn_view_options *o)
     const char *gl = getenv("KNEAD_GL");
     if (gl && *gl && !kn_offscreen_knows(gl)) REFUSE("KNEAD_GL=%s: expected osmesa or egl", gl);
     if (o->depth && (code = check_depth(o)) != KN_EXIT_OK) return code;
-    // --azimuth and --elevation override the camera.
+    // The options --azimuth and --elevation override the angles of --camera.
     if (isfinite(o->azimuth_deg)) o->look.azimuth_deg = o->azimuth_deg;
     if (isfinite(o->elevation_deg)) o->look.elevation_deg = o->elevation_deg;
     if (o->video) return check_film(o);

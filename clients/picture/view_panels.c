@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Time to wait after the first complete mesh, ms. In this time, forces of the probes arrive, and then a mesh that is
-// not older than these forces.
+// Time to wait after the first complete mesh, ms. During this time, the forces of the probes arrive, and then a mesh
+// that is not older than the forces.
 #define SETTLE_MS 50
 
 static int no_memory(void) { return kn_complain("view", KN_EXIT_DEVICE, "out of memory"); }
@@ -43,14 +43,16 @@ static int open_scene(kn_view_source *s) { return load_scene(s, s->path, NULL, 0
 
 // ---- a snapshot
 
-// Restore a snapshot. Load the scene with the settings that were made at run time, which the snapshot contains.
+// Restore a snapshot. Load its scene with the settings that were made at run time; the snapshot contains these
+// settings.
 static int open_saved(kn_view_source *s, const char *scene, const uint8_t *bytes, size_t size)
 {
     char error[400], room[KN_SETTINGS_BYTES];
     const char *list[KN_SETTINGS_MAX];
     kn_settings sets;
     int code = load_scene(s, scene, NULL, 0);
-    // The settings in a snapshot can be read only with the name of its scene. So a scene with settings is loaded twice.
+    // kn_saved_peek needs the name of the scene to read the settings of a snapshot. So load the scene once without
+    // settings, and if the snapshot contains settings, load it again with them.
     if (code == KN_EXIT_OK && kn_saved_peek(s->scene->name, bytes, size, &sets) && *sets.text) {
         forget_scene(s);
         code = load_scene(s, scene, list, kn_settings_list(&sets, room, list));
@@ -233,7 +235,7 @@ static bool measured(kn_view_source *s, const kn_view_options *o, const kn_model
 {
     const bool edges = o->look.style == KN_VIEW_EDGES, colored = o->measure >= 0;
     if (!colored && !edges) return true;
-    // A gauge belongs to one model, so make a new one when the recording has changed its model.
+    // A gauge belongs to one model, so create a new gauge when the model of the recording has changed.
     const int changes = s->replay ? s->replay->changes : 0;
     if (colored && (!s->gauge || s->gauged != changes)) {
         kn_gauge_destroy(s->gauge);
@@ -288,7 +290,7 @@ int kn_view_panels_open(kn_view_panels *l, const kn_view_options *o)
 {
     int code = KN_EXIT_OK;
     *l = (kn_view_panels){.o = o, .count = o->file_count > 0 ? o->file_count : 1};
-    // The option --compare adds one panel to those of the objects.
+    // The option --compare adds one panel to the panels of the objects.
     l->panels = l->count + o->compare;
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++) code = kn_view_source_open(&l->source[i], o, i);
     return code;
@@ -324,7 +326,7 @@ static int compare(kn_view_panels *l)
     kn_vertex_match_distance(&l->match, &l->still[0], &l->still[1], s->value);
     snprintf(s->caption, sizeof s->caption,
              l->match.same ? "distance of the second from the first object"
-                           : "distance of the second from the first object, another mesh");
+                           : "distance of the second from the first object (different meshes)");
     return KN_EXIT_OK;
 }
 
@@ -345,7 +347,7 @@ static void take_in(kn_view_extent *e, const kn_object_still *s, int scale)
 int kn_view_panels_stills(kn_view_panels *l, kn_view_extent *e)
 {
     int code = KN_EXIT_OK;
-    // At each moment, begin with the view that the options describe.
+    // Reset the camera and the style of each still to those of the options.
     for (int i = 0; i < l->panels; i++) l->still[i].view = l->o->look;
     for (int i = 0; code == KN_EXIT_OK && i < l->count; i++)
         code = kn_view_source_still(&l->source[i], l->o, &l->still[i]);

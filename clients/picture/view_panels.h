@@ -30,7 +30,7 @@ typedef struct kn_view_options {
     kn_view_kind kind[KN_VIEW_FILES_MAX]; // kind of each file in `file`, recognised by its first bytes
     const char *scene;                    // scene file to use with a snapshot, or NULL
     const char *url, *mesh_url;
-    double at_s[KN_VIEW_FILES_MAX]; // time in each recording of the state to draw; INFINITY: the end of the recording
+    double at_s[KN_VIEW_FILES_MAX]; // time of the state to draw, for each recording; INFINITY: the recording's end
     double wait_s;                  // longest time to wait for a running kneadd
     double from_s, to_s;            // part of a recording to film; to_s INFINITY: to the end of the recording
     double seconds;                 // length of a film of the served object; 0: not given
@@ -40,7 +40,7 @@ typedef struct kn_view_options {
     int measure;        // kn_measure that colours the object; -1: none
     const char *top;    // argument of --top, as the user wrote it
     double top_si;      // upper end of the colour scale, SI units; 0: computed from the largest value in the picture
-    bool compare;       // draw two files, and in a third panel the distance of the second object from the first
+    bool compare;       // draw two files and a third panel: the distance of the second object from the first
     bool plain;
     // Options that are applied when all others are known. azimuth_deg, elevation_deg: NAN if the option was not given,
     // so that --camera decides. sized: true if --size was given. moments: number of times in the list of --at.
@@ -73,7 +73,7 @@ typedef struct kn_view_source { // source of one object to draw; read-only for t
     int64_t opened_ms;
     bool told;       // true: the warning about a missing scene has been printed
     kn_gauge *gauge; // computes measures of the object; created when a measure is needed for the first time
-    int gauged;      // number of changes of the recording's model until `gauge` was created
+    int gauged;      // number of model changes in the recording when `gauge` was created
 } kn_view_source;
 
 // Open a source. file: index of the file in `options`. If `options` has no files, join the bus and wait for the first
@@ -110,7 +110,7 @@ typedef struct kn_view_panels { // panels of the picture; the caller only reads 
     uint8_t *panel, *rgba; // [o->height][o->width][4], allocated with the first picture
 } kn_view_panels;
 
-typedef struct kn_view_extent { // extent of all objects; several pictures may share it, so that all show one box
+typedef struct kn_view_extent { // extent of all objects; pictures that share an extent all show the same box
     float box[2][3];            // lowest and highest coordinates of all objects, at rest and at the present time
     double most[KN_VIEW_SCALES];
 } kn_view_extent;

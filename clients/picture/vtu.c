@@ -20,10 +20,10 @@ typedef struct kn_pvd {
 
 static int put(void *file, const char *bytes, int size) { return (int)fwrite(bytes, 1, (size_t)size, file); }
 
-// Remember the failure of a call of libxml2, whose result is then below 0.
+// Check the result of a call of libxml2, and remember a failure. A negative result means that the call failed.
 static void say(sheet *s, int result) { s->failed |= result < 0; }
 
-// Write the reason why the file could not be written to `error`.
+// Set `error` to the reason why the file could not be written.
 static bool explain(const sheet *s, char *error, size_t size)
 {
     snprintf(error, size, "%.4000s: %s", s->path, errno ? strerror(errno) : "could not be written completely");
@@ -77,9 +77,9 @@ static void begin(sheet *s, const char *element) { say(s, xmlTextWriterStartElem
 static void end(sheet *s) { say(s, xmlTextWriterEndElement(s->xml)); }
 
 // Write an array: the number of bytes and then the numbers, together in base64. VTK calls this format uncompressed
-// inline binary. The byte order is that of this machine, which is little-endian wherever Knead is built
-// (core/fixed.h, server/snapshot_file.h). tuples: number of tuples (groups of `components` numbers); a negative number
-// stands for an array of -tuples tuples for the whole file.
+// inline binary. The byte order is that of this machine, which is little-endian wherever Knead is built (core/fixed.h,
+// server/snapshot_file.h). tuples: number of tuples (groups of `components` numbers). A negative value marks an array
+// for the whole file, which has -tuples tuples.
 static void write_array(sheet *s, const char *name, const char *type, int components, int64_t tuples, const void *value,
                         size_t size)
 {
@@ -114,7 +114,8 @@ static void write_arrays(sheet *s, const char *element, const kn_vtu_array *arra
     end(s);
 }
 
-// Write the cells: the points of all cells, the end of each cell in them, and the type of each cell.
+// Write the cells: the list of the corner points of all cells, the position in this list where each cell ends, and the
+// type of each cell.
 static void write_cells(sheet *s, const kn_vtu *v)
 {
     begin(s, "Cells");

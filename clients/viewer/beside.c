@@ -32,8 +32,8 @@ static bool create(kn_beside *b, mode_t mode)
     return false;
 }
 
-// Create the new file without a name, which it gets in kn_beside_keep. So nothing is left of it if this process is
-// killed. Return false if the file system has no such files.
+// Create the new file without a name; kn_beside_keep gives the file its name. So nothing is left of the file if this
+// process is killed. Return false if the file system does not support unnamed files.
 static bool create_unnamed(kn_beside *b, mode_t mode)
 {
     char folder[sizeof b->tmp];
@@ -50,7 +50,7 @@ static bool create_unnamed(kn_beside *b, mode_t mode)
     return true;
 }
 
-// Give the unnamed file a name in its folder that no other file has. On failure return false with the reason in errno.
+// Give the unnamed file a name that no other file in its folder has. On failure return false with the reason in errno.
 static bool give_name(kn_beside *b)
 {
     char source[40];

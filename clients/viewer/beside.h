@@ -10,21 +10,21 @@
 
 typedef struct kn_beside {
     const char *path;
-    char tmp[4096]; // name of the new file; "": the path itself is written
-    bool unnamed;   // the new file has no name yet, so nothing is left of it if this process is killed
+    char tmp[4096]; // name of the new file; "": no new file, `path` is written directly
+    bool unnamed;   // true: the new file has no name yet, so nothing is left of the file if this process is killed
     FILE *file;
 } kn_beside;
 
-// Create the new file. `path` must stay valid until the last call. If `path` exists and is not a regular file, it is
-// refused, because the rename would replace a device or a link by a file. On failure return false and put one sentence
-// in error.
+// Create the new file. `path` must stay valid until the last call. Refuse a `path` that exists and is not a regular
+// file, because the rename would replace a device or a link by a file. On failure return false and put one sentence in
+// error.
 bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t error_size);
 
-// Like kn_beside_open, for a path that the user may choose freely. The new file has no name until kn_beside_keep, if
-// the file system can have such files. `path` is written directly, without a new file, if a rename would change more
-// than the contents. This is the case for a pipe, a device, a link, a file with several names, a file of another user
-// or group, and in a folder that takes no new file. A file that is replaced keeps its permissions. On failure return
-// false with the reason in errno.
+// Like kn_beside_open, for a path that the user may choose freely. If the file system supports unnamed files, the new
+// file has no name until kn_beside_keep. If `path` is a pipe, a device, a link, a file with several names, or a file of
+// another user or group, a rename would change more than the contents. So such a `path` is written directly, without a
+// new file. The same is done if no new file can be created in the folder. A file that is replaced keeps its
+// permissions. On failure return false with the reason in errno.
 bool kn_beside_write(kn_beside *beside, const char *path);
 
 // kn_beside_keep puts the new file in place at `path`, and kn_beside_drop removes the new file. Every use must end with

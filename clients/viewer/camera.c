@@ -27,7 +27,8 @@ void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], fl
     kn_crossf(up, back, right);
 }
 
-// Return the smallest distance at which the whole box with half sides `half` is inside the picture.
+// Return the smallest distance between the camera and the middle of a box at which the whole box is inside the picture.
+// `half`: half the length of each side of the box.
 static float distance_for(const float half[3], double azimuth_deg, double elevation_deg, float aspect)
 {
     float right[3], up[3], back[3], distance = 0;

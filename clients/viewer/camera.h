@@ -1,7 +1,8 @@
 #ifndef KN_CLIENTS_VIEWER_CAMERA_H
 #define KN_CLIENTS_VIEWER_CAMERA_H
-// View of a scene: what a picture shows, and the camera, which looks at a box from a distance at which all of the box
-// is visible, with some empty space above the box. Vectors and matrices for pictures. All functions are pure.
+// View of a scene: what a picture shows, and the camera. The camera looks at a box. Its distance is chosen so that the
+// whole box and some empty space above the box are visible. This file also contains vectors and matrices for pictures.
+// All functions are pure.
 #include "core/model.h"
 #include <math.h>
 #include <stdbool.h>
@@ -11,18 +12,18 @@ typedef struct kn_view_probe {
     // Position of the tool (core/shape.h); for a plate: centre of the face that touches the object.
     double position_m[3];
     double orientation_wxyz[4]; // orientation of the tool, unit quaternion; all 0: the tool is level
-    // Force on the tool. Drawn as an arrow beyond the tool, with a length of one square of the table per 5 N. There is
-    // no arrow below 0.05 N.
+    // Force on the tool. A force of 0.05 N or more is drawn as an arrow at the tool's upper end. The arrow is as long
+    // as one square of the table for each 5 N.
     double force_n[3];
-    // True if the tool does not act on the object (no session yet, or a latched fault); drawn pale and without a
-    // shadow.
+    // True if the tool does not act on the object (no session yet, or a latched fault). Such a tool is drawn pale and
+    // without a shadow.
     bool outside;
     bool held; // true if the fields hand_* give the pose of the hand that holds the tool
     double hand_position_m[3], hand_orientation_wxyz[4];
 } kn_view_probe;
 
 typedef enum kn_view_style {
-    KN_VIEW_LINED, // the surface with the lines of the lattice on it
+    KN_VIEW_LINED, // the surface, with the lines of the lattice drawn on the surface
     KN_VIEW_SOLID, // the surface without lines
     KN_VIEW_WIRE,  // only the lines of the lattice on the surface; the surface between the lines is transparent
     KN_VIEW_EDGES  // every edge of the lattice, including those inside the object
@@ -46,7 +47,8 @@ typedef struct kn_view_scene {
     double azimuth_deg;   // 0: from the front (-y), 90: from the right (+x)
     double elevation_deg; // 0: horizontal line of sight, 90: from above
     kn_view_style style;
-    // True: if the object was lifted or pushed away, the picture shows both its present place and its place at rest.
+    // True: if the object was lifted or pushed away, the picture shows both the object's present place and its place at
+    // rest.
     bool follow;
     // [2] low and high corner of a box that the picture shows instead of the object's place; NULL: the object's place
     const float (*frame)[3];
@@ -62,7 +64,8 @@ kn_view_scene kn_view_scene_default(void);
 
 // ---- camera
 
-// Tangent of half the angle of view: 25 degrees from top to bottom, a telephoto lens with little perspective.
+// Tangent of half the angle of view. The angle is 25 degrees from top to bottom, as of a telephoto lens, so that there
+// is little perspective.
 #define KN_CAMERA_TAN_HALF 0.2217f
 
 typedef struct kn_camera_view { // direction and lens for looking at a box
@@ -78,7 +81,7 @@ typedef struct kn_camera {
     float eye[3], right[3], up[3], back[3]; // eye point, m; unit axes of the picture
     float aspect;                           // width / height of the picture
     float tan_half;                         // tangent of half the angle of view, from top to bottom
-    float matrix[16];                       // world to clip coordinates, column-major
+    float matrix[16];                       // matrix from world to clip coordinates, column-major
 } kn_camera;
 
 // Place the camera so that it sees the whole box between the corners `low` and `high`.
@@ -120,7 +123,8 @@ static inline void kn_mat_mul(float out[16], const float a[16], const float b[16
     }
 }
 
-// Compute the matrix from the world to the frame of a camera at `eye`, which has these unit axes and looks along -z.
+// Compute the matrix that converts world coordinates to the coordinates of a camera. The camera is at `eye` and has the
+// unit axes right, up and back. It looks in the direction opposite to `back`.
 static inline void kn_mat_view(float out[16], const float right[3], const float up[3], const float back[3],
                                const float eye[3])
 {

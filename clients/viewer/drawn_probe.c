@@ -13,8 +13,8 @@
 #define HAND_AWAY_M 0.0005       // distance of a hand from its tool above which its outline is drawn
 #define HAND_TURNED_COS 0.9986f  // cosine of 3 degrees: turn of a hand above which its outline is drawn
 
-// Profiles (radius, z) of the unit solids. z runs from 0 to 1, in the ball from -1 to 1. The radius is 1; the box has
-// sides of length 1.
+// Profiles (radius, z) of the unit solids. z runs from 0 to 1; in the ball, z runs from -1 to 1. The radius is 1. The
+// box has sides of length 1.
 kn_drawn_shapes kn_drawn_shapes_create(const kn_gl *gl)
 {
     static const float box[][2] = {{0, 0}, {0.70710678f, 0}, {0.70710678f, 1}, {0, 1}};
@@ -38,7 +38,7 @@ typedef struct frame { // axes and origin of a tool
 
 static frame frame_of(const kn_view_probe *p)
 {
-    static const double level[4] = {1}; // orientation of a plate, which ignores the orientation of its probe
+    static const double level[4] = {1}; // a plate is always level, whatever the orientation of its probe
     frame f;
     double r[3][3];
     kn_tool_matrix(p->def.shape == KN_PROBE_PLATE ? level : p->orientation_wxyz, r);
@@ -49,7 +49,8 @@ static frame frame_of(const kn_view_probe *p)
     return f;
 }
 
-// Place a solid on the tool's z axis, at `z` from the tool's origin, scaled by `x`, `y` and `height`.
+// Place a unit solid on the z axis of the tool. `z`: distance from the tool's origin. `x`, `y`, `height`: factors by
+// which the unit solid is scaled along the three axes.
 static kn_drawn_solid solid_at(const frame *f, const kn_gl_mesh *s, double z, double x, double y, double height)
 {
     const float size[3] = {(float)x, (float)y, (float)height};
@@ -95,7 +96,7 @@ static void load_mesh(kn_drawn_shapes *t, int probe, const kn_field *f)
     free(x);
 }
 
-// Upload the mesh of a probe if its hash differs from that of the mesh that is already in OpenGL's memory.
+// Upload the mesh of a probe if another mesh, or none, is in OpenGL's memory. Two meshes are compared by their hashes.
 void kn_drawn_shapes_load(kn_drawn_shapes *t, const kn_view_scene *scene)
 {
     t->thickness_m = scene->thickness_m;
@@ -138,7 +139,8 @@ int kn_drawn_probe_solids(const kn_drawn_shapes *t, const kn_view_probe *p, kn_d
     const double *size = p->def.size_m, flat = FLAT_SHARE * t->thickness_m;
     int count = 0;
     kn_shape shape = {0};
-    // A flat object is a slice of its cross-section, so a ball becomes a disc and a plate a line.
+    // A flat object is a thin slice, so its tools are drawn as slices too: a ball becomes a disc, and a plate becomes a
+    // line.
     if (flat > 0 && p->def.shape == KN_PROBE_SPHERE) {
         const frame across = {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {f.at[0], f.at[1], f.at[2]}};
         out[0] = solid_at(&across, &t->rod, -0.5 * flat, p->def.radius_m, p->def.radius_m, flat);
@@ -164,7 +166,7 @@ static double height_of(const kn_probe_def *def)
 }
 
 // Place the arrow above the tool for both directions of the force. An arrow that points away from the tool begins at
-// the tool's upper end. An arrow that points towards the tool ends there.
+// the tool's upper end. An arrow that points towards the tool ends at the upper end.
 kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *p, float square_m)
 {
     kn_drawn_arrow a = {.direction = {(float)p->force_n[0], (float)p->force_n[1], (float)p->force_n[2]}};
@@ -192,8 +194,8 @@ bool kn_drawn_probe_is_finite(const kn_view_probe *p)
     return isfinite(x[0] + x[1] + x[2] + q[0] + q[1] + q[2] + q[3]);
 }
 
-// Make `hand` a tool without force at the pose of the hand. Return false if no hand holds the tool, or if hand and tool
-// coincide.
+// Make `hand` a tool without force at the pose of the hand. Return false if the hand needs no outline: if the scene
+// draws no hands, no hand holds the tool, the hand's pose is not finite, or hand and tool nearly coincide.
 bool kn_drawn_probe_hand(const kn_view_scene *scene, const kn_view_probe *p, kn_view_probe *hand)
 {
     const double *x = p->position_m, *y = p->hand_position_m;
@@ -227,7 +229,8 @@ static void cover(const kn_dirty_region_def *d, extent *e, const float p[3])
     float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) {
         float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
-        bool known = w > 0; // the point is in front of the camera; otherwise it may be anywhere in the picture
+        // True: the point is in front of the camera. False: the point may be anywhere in the picture.
+        bool known = w > 0;
         e->low[i] = fminf(e->low[i], known ? at : -1);
         e->high[i] = fmaxf(e->high[i], known ? at : 1);
     }

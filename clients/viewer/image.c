@@ -41,7 +41,7 @@ static void stay_calm(png_structp png, png_const_charp words) { (void)png, (void
 static void write_gray16(png_structp png, png_infop info, FILE *file, int width, int height, const uint16_t *level,
                          double pixel_m, int text_count, const kn_image_text *text)
 {
-    // Store the number of pixels per metre, for programs that measure in the picture.
+    // Store the number of pixels per metre, so that other programs can measure in the picture.
     const png_uint_32 per_m = pixel_m > 0 && 1 / pixel_m < 1e9 ? (png_uint_32)lround(1 / pixel_m) : 0;
     png_init_io(png, file);
     png_set_IHDR(png, info, (png_uint_32)width, (png_uint_32)height, 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
@@ -69,7 +69,7 @@ bool kn_image_write_gray16(const char *path, int width, int height, const uint16
     if (!kn_beside_open(&out, path, error, error_size)) return false;
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &c, give_up, stay_calm);
     png_infop info = png ? png_create_info_struct(png) : NULL;
-    // volatile, because the variable is changed between setjmp and longjmp.
+    // The variable is volatile, because it is changed between setjmp and longjmp.
     volatile bool written = false;
     if (info && setjmp(c.leave) == 0) {
         write_gray16(png, info, out.file, width, height, level, pixel_m, text_count, text);
@@ -85,8 +85,8 @@ bool kn_image_write_gray16(const char *path, int width, int height, const uint16
 // ---- reading
 
 // Return whether every chunk lies within the file. The file position is just after the signature, both before and after
-// the call. Without this check, libpng would allocate and zero the length that a text chunk claims before reading the
-// chunk. A file of 156 bytes could then take 2 GB and 13 s.
+// the call. Without this check, libpng would allocate and clear as many bytes as the header of a text chunk claims,
+// before reading the chunk. So a file of 156 bytes could take 2 GB of memory and 13 s.
 static bool chunks_fit(FILE *file)
 {
     png_byte head[8];

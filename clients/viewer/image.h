@@ -6,12 +6,12 @@
 #include <stdint.h>
 
 // Write rgba [height][width][4], top row first, as PNG. The data is written to a new file in the same folder, and the
-// new file is then renamed to `path`. So a reader of `path` sees the old picture or the whole new one. If `path` exists
-// and is not a regular file, it is refused, because the rename would replace a device or a link by a file. On failure
+// new file is then renamed to `path`. So a reader of `path` sees the old picture or the whole new one. Refuse a `path`
+// that exists and is not a regular file, because the rename would replace a device or a link by a file. On failure
 // return false and put one sentence in error.
 bool kn_image_write_png(const char *path, int width, int height, const uint8_t *rgba, char *error, size_t error_size);
 
-// Text in a PNG, which programs can show or look up.
+// Text in a PNG. Other programs can show the text or find it by its key.
 typedef struct kn_image_text {
     const char *key, *text; // Latin-1; a key has 1..79 letters
 } kn_image_text;

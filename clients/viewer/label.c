@@ -45,7 +45,7 @@ static double prefix(const kn_scale *s, char text[16])
 {
     static const char *const name[] = {"n", "\u00b5", "m", "", "k", "M", "G"};
     if (!*s->unit) return strcpy(text, "%"), 100;
-    // The factor slightly above 1 makes 1e-3 m read as 1 mm in spite of rounding errors.
+    // The factor slightly above 1 makes 1e-3 m appear as 1 mm in spite of rounding errors.
     int third = (int)fmin(fmax(floor(log10(s->top * 1.000001) / 3), -3), 3);
     snprintf(text, 16, "%s%s", name[third + 3], s->unit);
     return pow(10, -3 * third);
@@ -64,7 +64,8 @@ double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
     // Choose the number of intervals by the first digits of the scale's top, so that the tick marks are round numbers.
     double by = prefix(scale, unit), first = scale->top / pow(10, floor(log10(scale->top * 1.000001)));
     const bool thirds = fabs(first - 1.5) < 1e-6 || fabs(first - 3) < 1e-6 || fabs(first - 6) < 1e-6;
-    // Number of intervals between tick marks: 5 if the top begins with 1, 5 or 7.5; 3 with 1.5 or 3; 4 with 2.
+    // Number of intervals between tick marks: 5 if the top begins with 1, 5 or 7.5; 3 if it begins with 1.5 or 3; 4 if
+    // it begins with 2.
     const int ticks = thirds ? 3 : first < 1.5 || first > 4.5 ? 5 : 4;
     if (i > ticks) return -1;
     snprintf(text, size, "%.3g", by * scale->top * i / ticks);
@@ -74,7 +75,7 @@ double kn_scale_tick(const kn_scale *scale, int i, char *text, size_t size)
 // ---- text
 
 #define INK 0.11, 0.12, 0.13
-// colour (r, g, b, alpha) of the edge around the letters, which keeps the letters legible on any background
+// Colour (r, g, b, alpha) of the edge around the letters. The edge keeps the letters legible on any background.
 #define HALO 1, 1, 1, 0.8
 
 // Functions of Cairo, loaded with the first label. Cairo brings a dozen libraries, and `knead probe` must neither wait
@@ -92,7 +93,7 @@ static struct {
 
 static bool load(char *error, size_t error_size)
 {
-    // the library is loaded once and never closed
+    // The library is loaded once and never closed.
     void *library = cairo.create ? NULL : dlopen("libcairo.so.2", RTLD_NOW | RTLD_LOCAL);
     const char *missing = NULL;
     if (cairo.create) return true;
@@ -121,7 +122,7 @@ static void legible(const char *words, char *out, size_t size)
     size_t n = 0;
     while (*words && n + 5 < size) {
         const unsigned char c = (unsigned char)*words;
-        // Determine the number of bytes of the letter by its first byte; 0 if no letter begins with this byte.
+        // Determine the number of bytes of the letter from the first byte. 0: no letter begins with this byte.
         size_t length = c < 0x80                ? 1
                         : c >= 0xc2 && c < 0xe0 ? 2
                         : c >= 0xe0 && c < 0xf0 ? 3
@@ -141,8 +142,8 @@ static void legible(const char *words, char *out, size_t size)
     out[n] = '\0';
 }
 
-// Draw a text with its edge. `x`: left end, middle or right end of the text for `align` 0, 0.5 or 1. `y`: baseline of
-// the text.
+// Draw a text with its edge. `x`: left end of the text if `align` is 0, middle if `align` is 0.5, right end if `align`
+// is 1. `y`: baseline of the text.
 static void text(const sheet *s, double x, double y, double align, const char *words)
 {
     cairo_text_extents_t e;
@@ -193,8 +194,8 @@ static void legend(const sheet *s, const kn_scale *scale)
     text(s, s->width - s->em, top - 1.1 * s->em, 1, words);
 }
 
-// Convert between RGBA and Cairo's words 0xAARRGGBB; the same code works in both directions. Alpha is set to opaque, so
-// premultiplied colours equal plain ones.
+// Convert between RGBA and Cairo's 32-bit pixels 0xAARRGGBB. The same code works in both directions. Alpha is set to
+// opaque, because then Cairo's premultiplied colours equal the plain colours.
 static void swap(uint8_t *rgba, size_t pixels)
 {
     for (size_t i = 0; i < pixels; i++) {
@@ -205,7 +206,7 @@ static void swap(uint8_t *rgba, size_t pixels)
 
 void kn_label_bar(kn_label *label, char words[32], double bar_m, int width, int height)
 {
-    // show mm below 1 cm; the limit is 0.0099 because 1 cm in a float is slightly less than 0.01
+    // Show mm below 1 cm. The limit is 0.0099 m, because 1 cm stored as a float is slightly less than 0.01 m.
     const bool mm = bar_m < 0.0099;
     const float *at = label->bar_at;
     snprintf(words, 32, "%.4g %s", bar_m * (mm ? 1e3 : 1e2), mm ? "mm" : "cm");
@@ -220,7 +221,8 @@ bool kn_label_draw(const kn_label *label, int width, int height, uint8_t *rgba, 
     sheet s = {cairo.create(surface), fmax(10, fmin(height / 34.0, width / 40.0)), width, height};
     cairo.select_font_face(s.to, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
     cairo.set_font_size(s.to, s.em);
-    const bool room = width > 30 * s.em, high = height > 12 * s.em; // check for which texts the picture has room
+    // room: the caption and the legend fit side by side; high: the legend fits.
+    const bool room = width > 30 * s.em, high = height > 12 * s.em;
     char caption[300];
     legible(label->caption ? label->caption : "", caption, sizeof caption);
     if (label->scale && high) legend(&s, label->scale);

@@ -38,7 +38,7 @@ typedef struct kn_label {
     const char *caption;   // text at the upper left; NULL: none
     const kn_scale *scale; // scale of the legend at the right; NULL: none
     const char *bar;       // text of the bar on the table, for example "1 cm"; NULL: no bar
-    float bar_at[2];       // middle of the upper edge of the bar's text, pixels from the picture's upper left corner
+    float bar_at[2]; // middle of the upper edge of the bar's text, pixels from the upper left corner of the picture
 } kn_label;
 
 // Set the text of the bar on the table, if bar_at is in the picture. The text is written to `words`, which must outlive

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #ifdef KN_SANITIZED
-// Hook of the leak sanitizer, which names leaks to ignore: OSMesa 22.3 leaks 200 bytes with every context that it
+// Hook of the leak sanitizer. It names leaks to ignore: OSMesa 22.3 leaks 200 bytes with every context that it
 // destroys, and fontconfig, which label.c uses, leaks 651 bytes once.
 const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libOSMesa\nleak:libfontconfig\n"; }
@@ -17,8 +17,8 @@ const char *__lsan_default_suppressions(void) { return "leak:libOSMesa\nleak:lib
 
 typedef void (*kn_gl_proc)(void);
 
-// Source of OpenGL contexts. A context belongs to the back end that created it. All drawing goes into kn_gl_target, so
-// a back end has no surface.
+// Source of OpenGL contexts. A context belongs to the back end that created it. All drawing goes into the frame buffers
+// of kn_gl_target, so a back end needs no surface to draw on.
 typedef struct backend {
     const char *name; // value of the environment variable KNEAD_GL that chooses this back end, for example "osmesa"
     // Load the library, once. Return false if the library is missing, with one sentence in error that names the
@@ -106,9 +106,9 @@ static kn_gl_proc osmesa_get_proc(const char *name) { return (kn_gl_proc)osmesa.
 
 // ---- EGL
 //
-// EGL on Mesa's surfaceless platform, for a Mesa without OSMesa (from 25.1 on). libEGL is not linked. Drawing is in
-// software, as with OSMesa, unless the environment says LIBGL_ALWAYS_SOFTWARE=0. A viewer should not load a GPU driver
-// beside the servo unless the user asks for it.
+// EGL on Mesa's surfaceless platform. It is needed for Mesa 25.1 and later, which have no OSMesa. libEGL is not linked.
+// If LIBGL_ALWAYS_SOFTWARE is not set in the environment, drawing is in software, as with OSMesa. A viewer should load
+// a GPU driver beside the servo only if the user sets this variable to 0.
 
 #define EGL_LIBRARY "libEGL.so.1"
 
@@ -247,7 +247,7 @@ static void copy_region(const kn_gl *gl, GLuint from, GLuint to, kn_gl_region r)
                         GL_COLOR_BUFFER_BIT, GL_NEAREST);
 }
 
-// The scissor limits clearing and drawing of the solids to their region.
+// The scissor test limits the clearing and drawing of the solids to their region.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region, bool before_backdrop)
 {
     bool direct = t->solids == t->picture;
@@ -265,8 +265,8 @@ void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region re
     gl->Clear(GL_DEPTH_BUFFER_BIT | (direct ? 0 : GL_COLOR_BUFFER_BIT));
 }
 
-// Copying from a buffer with several samples per pixel to a buffer with one sample resolves them: colour and alpha
-// become averages over the pixel.
+// Copy from a buffer with several samples per pixel to a buffer with one sample per pixel. The copy resolves the
+// samples: colour and alpha become averages over the pixel.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
 {
     if (t->solids == t->picture) return;
@@ -300,7 +300,7 @@ bool kn_offscreen_knows(const char *name)
 }
 
 // Return the back end that KNEAD_GL names, or, without KNEAD_GL, the first one that loads. If none loads, return NULL
-// and put the reason of the first one in error.
+// and put into error why the first one does not load.
 static const backend *choose(char *error, size_t error_size)
 {
     const char *asked = getenv("KNEAD_GL");

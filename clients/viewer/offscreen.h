@@ -2,10 +2,10 @@
 #define KN_CLIENTS_VIEWER_OFFSCREEN_H
 // Drawing without a window: an OpenGL 3.3 core context, its functions, frame buffers of a given size, and their pixels.
 //
-// There are two back ends. One is OSMesa: Mesa's software rasteriser as a library of its own, which Mesa 25.1 dropped.
-// The other is the surfaceless platform of EGL. Both work without a display, a GPU and root rights. The environment
-// variable KNEAD_GL (osmesa or egl) selects a back end; without KNEAD_GL, the first one that is installed is used. The
-// module is not thread safe: one thread must open, draw, read and close.
+// There are two back ends. One is OSMesa, the software rasteriser of Mesa as a library of its own. Mesa 25.1 and later
+// do not contain OSMesa. The other is the surfaceless platform of EGL. Both work without a display, a GPU and root
+// rights. The environment variable KNEAD_GL (osmesa or egl) selects a back end; without KNEAD_GL, the first one that is
+// installed is used. The module is not thread safe: one thread must open, draw, read and close.
 //
 // The library of the back end is loaded with the first picture, not at the program's start. The library loads 117 MB of
 // LLVM, and `knead probe` must neither wait 25 ms for LLVM nor lock it into memory.
@@ -41,10 +41,10 @@ typedef struct kn_gl {
 #undef KN_GL_MEMBER
 } kn_gl;
 
-// Frame buffers of one size. The backdrop (the table without an object) is drawn once for many pictures. The solids
-// have depth and several samples per pixel. The picture receives the solids, resolved over the backdrop. With one
-// sample per pixel, the solids are drawn directly into the picture. The buffers are freed with their context, and never
-// deleted singly.
+// Frame buffers of one size. The backdrop (the table without an object) is drawn once for many pictures. The buffer of
+// the solids has depth and several samples per pixel. The solids are resolved into the picture, over a copy of the
+// backdrop. With one sample per pixel, the solids are drawn directly into the picture. The buffers are freed with their
+// context, and never deleted singly.
 typedef struct kn_gl_target {
     int width, height;
     GLuint backdrop, solids, picture;
@@ -56,18 +56,19 @@ typedef struct kn_gl_region { // rectangle of the picture, pixels from its lower
 } kn_gl_region;
 
 void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // make the backdrop the target of all drawing
-// Begin to draw the solids: make their buffer the target of all drawing. Clear only their region, because buffers with
-// several samples take most of the time of a picture. `before_backdrop`: the picture starts as a copy of the backdrop;
-// otherwise it starts empty.
+// Begin to draw the solids: make their buffer the target of all drawing. Clear only the region of the solids, because
+// work on buffers with several samples takes most of the time of a picture. `before_backdrop`: the picture starts as a
+// copy of the backdrop; otherwise it starts empty.
 void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
 // Resolve the solids into their region of the picture (average their samples). Everything that is drawn afterwards goes
 // into this region, behind the solids. Alpha is the fraction of a pixel that the solids cover, and later drawing fills
-// the rest of the pixel. With one sample per pixel, there is no such fraction, and the depth buffer tells whether a
-// solid covers the pixel.
+// the rest of the pixel. With one sample per pixel, a solid covers a pixel completely or not at all, and later drawing
+// uses the depth buffer to find which.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 
 #define KN_OFFSCREEN_MIN 16
-// Largest size of a picture, pixels on a side; 4 samples of colour and depth take 32 bytes per pixel.
+// Largest width or height of a picture, pixels. The limit bounds the memory: 4 samples of colour and depth take 32
+// bytes per pixel.
 #define KN_OFFSCREEN_MAX 4096
 
 typedef struct kn_offscreen kn_offscreen;

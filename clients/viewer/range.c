@@ -8,8 +8,8 @@
 
 #define AIR 1.04     // size of the image's frame, as a multiple of the surface's sides
 #define LEVELS 65534 // number of grey levels for heights; level 0 means that there is no surface
-// Height of the highest grey level, as a multiple of the surface's height. The factor is above 1, because pressed dough
-// bulges.
+// Height of the highest grey level, as a multiple of the surface's height. The factor is above 1, because dough that is
+// pressed bulges above its height at rest.
 #define ROOM 1.25
 
 kn_range kn_range_frame(int width, int height, int vertex_count, const float (*rest)[3], const float (*now)[3])
@@ -25,7 +25,8 @@ kn_range kn_range_frame(int width, int height, int vertex_count, const float (*r
         }
     }
     kn_range r = {.width = width, .height = height, .table_m = table};
-    // Round up to convenient numbers, then centre the frame on the box.
+    // Round the sizes of a pixel and of a grey level up to 1, 2 or 5 times a power of ten. Then centre the frame on the
+    // box.
     r.pixel_m = kn_scale_round(AIR * fmax((high[0] - low[0]) / width, (high[1] - low[1]) / height));
     r.step_m = fmax(kn_scale_round(ROOM * (high[2] - table) / LEVELS), 1e-6);
     r.left_m = 0.5 * (low[0] + high[0]) - 0.5 * (width - 1) * r.pixel_m;
@@ -41,7 +42,7 @@ static double cross(const double a[2], const double b[2], double x, double y)
 
 static int pixel(double at, int count) { return (int)fmin(fmax(at, 0), count - 1); }
 
-// Draw the height of the triangle's plane at every pixel whose middle is inside the triangle.
+// Write the height of the triangle's plane to every pixel whose middle is inside the triangle.
 static void draw_triangle(const kn_range *r, const float *const corner[3], uint16_t *level)
 {
     // at: positions of the corners, in columns and rows of pixels. z: heights of the corners, in grey levels.
@@ -62,7 +63,7 @@ static void draw_triangle(const kn_range *r, const float *const corner[3], uint1
         for (int x = first[0]; x <= last[0]; x++) {
             // Compute the barycentric coordinates of the pixel's middle. All are positive inside the triangle.
             const double a = cross(at[1], at[2], x, y) / area, b = cross(at[2], at[0], x, y) / area, c = 1 - a - b;
-            // Skip a pixel outside the triangle. A pixel on the common side of two triangles belongs to both.
+            // Skip a pixel outside the triangle. A pixel on the common side of two triangles belongs to both triangles.
             if (a < -1e-9 || b < -1e-9 || c < -1e-9) continue;
             const double here = fmin(fmax(1 + a * z[0] + b * z[1] + c * z[2], 1), 1 + LEVELS);
             uint16_t *out = &level[(size_t)y * (size_t)r->width + (size_t)x];
@@ -96,7 +97,8 @@ void kn_range_draw(kn_range *r, const float (*now)[3], int triangle_count, const
 
 // ---- file
 
-// The four numbers in the PNG's texts. TEXTS: number of all texts, of which three are for human readers.
+// Indices of the four numbers in the texts of the PNG. TEXTS: number of all texts. Three of the texts are for human
+// readers.
 enum { STEP, PIXEL, LEFT, TOP, NUMBERS, TEXTS = NUMBERS + 3 };
 
 static const char *const name[NUMBERS] = {"step_mm", "pixel_mm", "left_mm", "top_mm"};
@@ -109,7 +111,7 @@ bool kn_range_save(const char *path, const kn_range *r, const char *title, const
     kn_image_text text[TEXTS] = {
         {"Software", "knead " KN_VERSION},
         {"Title", title},
-        {"Description", "Range image from above: 0 means nothing there, else height_mm = step_mm * (value - 1)"}};
+        {"Description", "Range image from above: 0 means no object, other values: height_mm = step_mm * (value - 1)"}};
     for (int i = 0; i < NUMBERS; i++) {
         snprintf(words[i], sizeof words[i], "%.9g", 1e3 * value[i]);
         text[3 + i] = (kn_image_text){name[i], words[i]};
@@ -125,7 +127,8 @@ static double number_of(const char *text)
     return end != text && !*end && isfinite(value) ? 1e-3 * value : (double)NAN;
 }
 
-// Take each number from `given` or, if it is NAN there, from the texts of the file. Check the range of the number.
+// Take each number from `given`. If the number is NAN in `given`, take it from the texts of the file. Check the range
+// of the number.
 static bool take_numbers(const char *path, kn_image_found found[NUMBERS], const kn_range_given *given, kn_range *r,
                          char *error, size_t error_size)
 {
@@ -136,9 +139,10 @@ static bool take_numbers(const char *path, kn_image_found found[NUMBERS], const 
         const bool size = i == STEP || i == PIXEL, good = size ? value[i] > 1e-9 && value[i] < 1 : fabs(value[i]) < 100;
         if (good) continue;
         if (isnan(told[i]) && !*found[i].text)
-            snprintf(error, error_size, "%s: does not say %s, expected a range image of knead view --depth, or --%.*s",
-                     path, name[i],
-                     // The option's name is the text's name without its unit, so print only that many letters.
+            snprintf(error, error_size,
+                     "%s: has no text %s, expected a range image of knead view --depth, or the option --%.*s", path,
+                     name[i],
+                     // The name of the option is name[i] without the unit, so print only the letters before the unit.
                      i == STEP || i == LEFT ? 4
                      : i == PIXEL           ? 5
                                             : 3,

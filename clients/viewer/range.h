@@ -21,11 +21,12 @@ typedef struct kn_range {
 } kn_range;
 
 // Choose the frame of the image: a rectangle around both the surface at rest and the present surface, with some margin.
-// So the image of a pressed object usually has the same frame as the image of the object at rest.
+// Because of the margin, the image of a pressed object usually has the same frame as the image of the object at rest.
 kn_range kn_range_frame(int width, int height, int vertex_count, const float (*rest)[3], const float (*now)[3]);
 
-// Fill in `level` [height][width], top row first. A level is 0 where there is no surface, else 1 + height/step_m,
-// rounded. A surface below the table has level 1. Triangles with a position that is not finite are left out.
+// Fill in `level` [height][width], top row first. Where there is no surface, a level is 0. Elsewhere it is 1 +
+// height/step_m, rounded. A surface below the table has level 1. Triangles with a position that is not finite are left
+// out.
 void kn_range_draw(kn_range *range, const float (*now)[3], int triangle_count, const int (*triangle)[3],
                    uint16_t *level);
 
@@ -36,11 +37,12 @@ void kn_range_draw(kn_range *range, const float (*now)[3], int triangle_count, c
 bool kn_range_save(const char *path, const kn_range *range, const char *title, const uint16_t *level, char *error,
                    size_t error_size);
 
-typedef struct kn_range_given { // numbers that replace those in the file's texts; NAN: use the number in the file
+// Numbers that replace the numbers in the texts of the file. NAN: use the number in the file.
+typedef struct kn_range_given {
     double step_m, pixel_m, left_m, top_m;
 } kn_range_given;
 
-// Read a range image. table_m becomes 0, because heights are in the scene's frame. The caller frees *level. Return
+// Read a range image. table_m becomes 0, because the table of a scene is at z = 0. The caller frees *level. Return
 // false and put one sentence in error if kn_image_read_gray16 fails, if a number is missing or malformed, or if no
 // surface is visible in the image.
 bool kn_range_load(const char *path, const kn_range_given *given, kn_range *range, uint16_t **level, char *error,

@@ -7,9 +7,10 @@
 
 // Side of the shadow map, texels. On a block of 5 cm, a texel is 0.16 mm, or 0.32 mm with one sample per pixel.
 #define SHADOW_SIZE(r) ((r)->samples > 1 ? 1024 : 512)
-// Radius around the object within which shadows are drawn, as a multiple of the object's longest side.
+// Shadows are drawn within this radius around the middle of the object. The radius is a multiple of the object's
+// longest side.
 #define LIT_RADIUS 1.6f
-// Distance by which the shaded points are moved off the surface, in half texels of the shadow map.
+// When the shadow map is read, points are moved off the surface by this distance, in half texels.
 #define SHADOW_BIAS 3.0f
 #define HAND_LINE 0.008f // width of a hand's outline, as a fraction of half the picture's height
 
@@ -135,7 +136,8 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
     size_t corners = 3 * (size_t)triangle_count;
     r->corners = calloc(corners, 6 * sizeof *r->corners);
     if (!r->corners) return false;
-    // Choose the side of the table's squares: the power of ten that gives 2 to 20 squares along the object.
+    // Choose the side of the table's squares: the power of ten that gives 2 to 20 squares along the object's longest
+    // side.
     r->square_m = powf(10, floorf(log10f(scale_of(r->mesh) / 2)));
     // Compute the barycentric distance of each corner from each side. A side that is not drawn as a line gets the
     // distance 1 from every corner.
@@ -153,7 +155,7 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
 // ---- camera and light
 
 // Aim the camera at the place of the undeformed object. If scene->follow is set and the object has moved beyond this
-// place by a quarter of its size, show both the place and the object.
+// place by more than a quarter of its longest side, show both the place and the object.
 static void aim(kn_renderer *r, const kn_view_scene *scene)
 {
     const kn_shaded_mesh *s = r->mesh;
@@ -208,7 +210,7 @@ static void set_vector(const kn_gl *gl, GLuint program, const char *name, const 
     gl->Uniform3fv(gl->GetUniformLocation(program, name), 1, v);
 }
 
-// Set a colour. Squaring converts it to linear light, by the gamma of 2 that the shaders use.
+// Set a colour. Square its components to convert them to linear light, because the shaders use a gamma of 2.
 static void set_color(const kn_gl *gl, GLuint program, const float color[3])
 {
     set_vector(gl, program, "u_color", (float[]){color[0] * color[0], color[1] * color[1], color[2] * color[2]});
@@ -227,7 +229,8 @@ static void set_number(const kn_gl *gl, GLuint program, const char *name, float 
     gl->Uniform1f(gl->GetUniformLocation(program, name), value);
 }
 
-// Place a unit shape in the world: z along direction (a unit vector), its sides scaled by sx, sy, sz.
+// Compute the matrix that places a unit shape in the world. The z axis of the shape points along `direction` (a unit
+// vector). sx, sy, sz: factors by which the shape is scaled.
 static void place(float m[16], const float at[3], const float direction[3], float sx, float sy, float sz)
 {
     float x[3] = {1, 0, 0}, y[3];
@@ -245,8 +248,8 @@ static void place(float m[16], const float at[3], const float direction[3], floa
     m[15] = 1;
 }
 
-// Draw a shape with the depth program or the lit program. The depth program, for the shadow map, needs only the shape's
-// position.
+// Draw a shape with the depth program or the program for solids. The depth program draws the shadow map; it needs only
+// the matrix that places the shape.
 static void draw_shape(const kn_renderer *r, GLuint program, const kn_gl_mesh *s, const float model[16],
                        const float color[3], float gloss, float lines)
 {
@@ -276,8 +279,8 @@ static void draw_arrow(const kn_renderer *r, GLuint program, const kn_drawn_arro
     draw_shape(r, program, &r->tools.cone, m, arrow_color, 0.1f, 0);
 }
 
-// Draw the outline of a hand, in front of everything. First only the depth of the hand is drawn. Then the back faces of
-// a slightly larger hand are drawn behind it, so that only a rim is visible.
+// Draw the outline of a hand, in front of everything. First draw only the depth of the hand. Then draw the back faces
+// of a slightly larger hand behind the first one, so that only a rim is visible.
 static void draw_hand(const kn_renderer *r, const kn_view_probe *hand)
 {
     const kn_gl *gl = r->gl;
@@ -334,7 +337,7 @@ static void draw_edges(const kn_renderer *r, const kn_view_scene *scene)
     gl->UseProgram(r->program.solid);
 }
 
-// Draw the object in the style of the scene. In every style, the object's shadow is that of its surface.
+// Draw the object in the style of the scene. In every style, the surface of the object casts the shadow.
 static void draw_object(const kn_renderer *r, GLuint program, const kn_view_scene *scene)
 {
     static const float here[3] = {0, 0, 0}, up[3] = {0, 0, 1};
@@ -378,12 +381,12 @@ static void draw_shadow_map(const kn_renderer *r, const kn_view_scene *scene)
     gl->UseProgram(r->program.depth);
     set_matrix(gl, r->program.depth, "u_light", r->light);
     gl->Enable(GL_POLYGON_OFFSET_FILL);
-    gl->PolygonOffset(3, 4); // shift the depths away from the light, so that no surface shades itself
+    gl->PolygonOffset(3, 4); // shift the depths away from the light, so that no surface casts a shadow on itself
     draw_solids(r, r->program.depth, scene);
     gl->Disable(GL_POLYGON_OFFSET_FILL);
 }
 
-// Set the uniforms that both lit programs need: eye, light, shadow map.
+// Set the uniforms that the programs for the solids and for the table need: camera, eye, light, shadow map.
 static void use_lit(const kn_renderer *r, GLuint program)
 {
     // Matrix that maps the range -1..1 of each coordinate to 0..1.
@@ -403,7 +406,8 @@ static void use_lit(const kn_renderer *r, GLuint program)
 
 // Find the footprint of the object on the table: the rectangle around the vertices of its lowest quarter. Return the
 // radius with which the corners of the rectangle are rounded. The radius is computed from the largest |x| + |y| of
-// these vertices in units of the half sides, which is 2 for a rectangle and sqrt 2 for an ellipse.
+// these vertices, with x and y in units of the rectangle's half sides. This number is 2 if the vertices fill the
+// rectangle, and sqrt 2 if they form an ellipse.
 static float footprint(const kn_shaded_mesh *s, const float (*xyz)[3], float foot[4])
 {
     float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);
@@ -423,7 +427,7 @@ static float footprint(const kn_shaded_mesh *s, const float (*xyz)[3], float foo
     return most > 0 ? fminf(fmaxf((2 - most) / (2 - 1.4142136f), 0), 1) * fminf(half[0], half[1]) : 0;
 }
 
-// Return the height of the table, slightly below the object, so that table and underside do not flicker.
+// Return the height of the table. It is slightly below the object, so that table and underside do not flicker.
 static float level_of(const kn_renderer *r) { return r->mesh->rest_low[2] - 1e-3f * scale_of(r->mesh); }
 
 // Put the rectangle of the bar on the table into `bar`: low x, low y, high x, high y. The bar lies in front of the
@@ -491,7 +495,7 @@ static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_regi
                              float corner)
 {
     if (near.width == 0) near.x = part.x, near.y = part.y; // if `near` is empty, place it at the corner of `part`
-    // Divide the remaining part around `near` into four strips.
+    // Divide the rest of `part`, around `near`, into four strips.
     const int right = near.x + near.width, top = near.y + near.height, end = part.x + part.width;
     const kn_gl_region around[] = {{part.x, part.y, part.width, near.y - part.y},
                                    {part.x, top, part.width, part.y + part.height - top},
@@ -505,8 +509,8 @@ static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_regi
     }
 }
 
-// Make sure that the backdrop (the table without an object) fits the present camera. Return false if the camera has
-// moved since the last picture, because a backdrop would then serve only one picture.
+// Make sure that the backdrop (the table without an object) fits the present camera. If the camera has moved since the
+// last picture, draw no backdrop and return false, because the backdrop would serve only one picture.
 static bool draw_backdrop(kn_renderer *r)
 {
     static const float nobody[4] = {1e9f, 1e9f, 1e9f, 1e9f};

@@ -15,9 +15,9 @@
 
 typedef struct kn_renderer kn_renderer;
 
-// Open a renderer. `samples`: number of samples per pixel for the solids (tools, arrows); 4 samples smooth the
-// outlines, and 1 sample halves the drawing time. On failure (size, library; see offscreen.h) return NULL and put one
-// sentence in error.
+// Open a renderer. `samples`: number of samples per pixel for the solids (object, tools, arrows); 4 samples smooth the
+// outlines, and 1 sample halves the drawing time. On failure (for example a wrong size or a missing library, see
+// offscreen.h) return NULL and put one sentence in error.
 kn_renderer *kn_renderer_open(int width, int height, int samples, char *error, size_t error_size);
 
 // Set the object's topology and its rest shape. The rest shape determines the creases (shading.h) and the camera's

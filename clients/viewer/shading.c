@@ -18,8 +18,8 @@ typedef struct half_edge { // a side of a triangle
     int triangle, corner; // number of the triangle, and of its corner opposite the side
 } half_edge;
 
-// Compare two half edges by their vertices, so that sorting makes the half edges of neighbours adjacent. The triangle's
-// number makes the order unique.
+// Compare two half edges by their vertices, so that after sorting the half edges of neighbours are adjacent. If the
+// vertices are equal, compare the triangle numbers, so that the order is unique.
 static int compare(const void *pa, const void *pb)
 {
     const half_edge *a = pa, *b = pb;
@@ -64,7 +64,8 @@ static int root(int *parent, int i)
     return i;
 }
 
-// Join corners of two neighbours into one group, at both ends of the common side of a and b.
+// Let two neighbouring triangles share normals: at both ends of their common side, join the corners of the two
+// triangles into one group.
 static void join_corners(kn_shaded_mesh *s, const half_edge *a, const half_edge *b)
 {
     for (int i = 1; i < 3; i++) {
@@ -76,7 +77,8 @@ static void join_corners(kn_shaded_mesh *s, const half_edge *a, const half_edge 
     }
 }
 
-// Compare two neighbours at rest: share normals across a smooth side, and hide the diagonal of a quad.
+// Compare two neighbouring triangles at rest. If their common side is smooth, let them share normals. If the side is
+// the diagonal of a quad, do not draw it as a line.
 static void meet(kn_shaded_mesh *s, const float (*rest)[3], const half_edge *a, const half_edge *b)
 {
     const int *ta = s->triangle + 3 * a->triangle, *tb = s->triangle + 3 * b->triangle;
@@ -90,7 +92,7 @@ static void meet(kn_shaded_mesh *s, const float (*rest)[3], const half_edge *a, 
         s->line[3 * a->triangle + a->corner] = s->line[3 * b->triangle + b->corner] = false;
 }
 
-// Number the groups of corners that share a normal 0, 1, 2 ..., in the order of their first corner.
+// Number the groups of corners that share a normal 0, 1, 2 ..., in the order of their root corners.
 static void number_groups(kn_shaded_mesh *s)
 {
     int corners = 3 * s->triangle_count, *number = s->group;
@@ -257,7 +259,7 @@ kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)
             xyz[a][1] = profile[i][0] * sinf(angle);
             xyz[a][2] = profile[i][1];
             if (i + 1 == count) continue;
-            // A ring of radius 0 is a single point. Leave out the triangle that would have no area there.
+            // A ring of radius 0 is a single point. Leave out the triangle that would have no area at this ring.
             int c = b + segments, d = a + segments;
             if (profile[i][0] > 0) memcpy(triangle[triangles++], (int[]){a, b, c}, sizeof *triangle);
             if (profile[i + 1][0] > 0) memcpy(triangle[triangles++], (int[]){a, c, d}, sizeof *triangle);
@@ -266,7 +268,7 @@ kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)
     kn_gl_mesh s = kn_gl_mesh_create(gl);
     s.low = profile[0][1];
     s.high = profile[count - 1][1];
-    // Store the extent of the solid, from which the region of a picture that it covers is computed.
+    // Store the extent of the solid. The region of a picture that the solid covers is computed from this extent.
     for (int i = 0; i < count * segments; i++) s.half = fmaxf(s.half, fmaxf(fabsf(xyz[i][0]), fabsf(xyz[i][1])));
     // Compute the normals as for the surface of an object: smooth, except at creases.
     kn_shaded_mesh *mesh =
@@ -281,11 +283,11 @@ kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)
 // ---- shaders
 //
 // Shaders per vertex and per pixel, in GLSL 3.30. Light is summed in linear space and encoded with a gamma of 2 (sqrt)
-// at the end. This is close to sRGB's 2.2, and saves 7 ms per 720p picture in software.
+// at the end. This is close to the gamma of 2.2 of sRGB, and saves 7 ms per 720p picture in software.
 #define KN_GLSL "#version 330 core\n"
 
-// Key light: two samples of a shadow map whose sampler compares and interpolates. Four samples cost 9 ms more per 720p
-// picture in software.
+// Fraction of the key light that reaches a point: the mean of two samples of the shadow map. The sampler compares
+// depths and interpolates. Four samples would cost 9 ms more per 720p picture in software.
 #define KN_GLSL_SHADOW                                                                                                 \
     "uniform sampler2DShadow u_shadow;\n"                                                                              \
     "float lit(vec3 at)\n"                                                                                             \
@@ -301,8 +303,8 @@ static const char *const shader_depth_vertex =
 
 static const char *const shader_depth_fragment = KN_GLSL "void main() {}\n";
 
-// u_light maps the world to the shadow map's 0..1. The shaded point is moved off the surface by u_bias, so that
-// rounding errors do not cover a surface with specks of its own shadow.
+// u_light maps world coordinates to coordinates 0..1 of the shadow map. The shaded point is moved off the surface by
+// u_bias, so that rounding errors do not cover a surface with specks of its own shadow.
 static const char *const shader_solid_vertex = KN_GLSL "layout(location = 0) in vec3 a_position;\n"
                                                        "layout(location = 1) in vec3 a_normal;\n"
                                                        "layout(location = 2) in vec3 a_side;\n"
@@ -373,8 +375,8 @@ static const char *const shader_edge_fragment =
                           "void main() { o_color = vec4(sqrt(0.8 * colored(v_value)), 1.0); }\n";
 
 // The table fills the pixels that the solids left free. Each pixel shows the point where its line of sight meets the
-// height u_level. The table is drawn behind the resolved solids with one sample per pixel: its lines have their own
-// soft edges, and four samples per pixel cost 20 ms more.
+// height u_level. The table is drawn behind the resolved solids, with one sample per pixel. One sample is enough,
+// because the shader softens the edges of the table's lines. Four samples would cost 20 ms more.
 static const char *const shader_table_vertex =
     KN_GLSL "layout(location = 0) in vec3 a_position;\n"
             "uniform vec3 u_right, u_up, u_forward;\n" // line of sight through a corner of the picture
@@ -386,8 +388,9 @@ static const char *const shader_table_vertex =
             "    gl_Position = vec4(a_position.xy, 0.999999, 1.0);\n"
             "}\n";
 
-// Table with squares of u_square metres, whose every fifth line is stronger, and a bar as long as one square. Squares
-// and bar fade into the background. dim(): fraction of the light that reaches the table beside the object.
+// Table with a grid of squares and a bar. The side of a square is u_square metres, and the bar is as long as one side.
+// Every fifth line of the grid is stronger. Grid and bar fade into the background. dim(): fraction of the light that
+// reaches the table beside the object.
 #define KN_GLSL_TABLE                                                                                                  \
     "in vec3 v_sight;\n"                                                                                               \
     "uniform vec3 u_color, u_eye;\n"                                                                                   \

@@ -17,7 +17,7 @@
 //
 // Angles are measured on the rest shape given to kn_shaded_mesh_create, normals on the present shape.
 
-// Largest number of vertices; a limit is needed because a mesh received from the bus may claim any size.
+// Largest number of vertices. A limit is needed, because a mesh from the bus may claim any number.
 #define KN_SHADED_VERTICES_MAX (1 << 20)
 
 typedef struct kn_shaded_mesh {
@@ -33,20 +33,21 @@ typedef struct kn_shaded_mesh {
     float rest_high[3];
 } kn_shaded_mesh;
 
-// Create a mesh from copies of the arrays. Return NULL if memory is short, if there are more than
-// KN_SHADED_VERTICES_MAX vertices or twice as many triangles, or if a triangle names a vertex that does not exist.
+// Create a mesh from copies of the arrays. Return NULL if memory is short or a triangle names a vertex that does not
+// exist. Also return NULL if the number of vertices is not 3 .. KN_SHADED_VERTICES_MAX, or the number of triangles not
+// 1 .. 2 * KN_SHADED_VERTICES_MAX.
 kn_shaded_mesh *kn_shaded_mesh_create(int vertex_count, const float (*rest)[3], int triangle_count,
                                       const int (*triangle)[3]);
 void kn_shaded_mesh_destroy(kn_shaded_mesh *mesh); // `mesh` may be NULL
 
 // Compute position and unit normal of every corner, out[triangle_count][3][6]. A normal is the mean of the face
-// normals, weighted by the corner's angle, so the direction of a quad's diagonal leaves no pattern. Degenerate
+// normals, weighted by the corner's angle, so the direction of a quad's diagonal causes no visible pattern. Degenerate
 // triangles are ignored. A triangle with a position that is not finite is shrunk to a point.
 void kn_shaded_mesh_corners(kn_shaded_mesh *mesh, const float (*xyz)[3], float *out);
 
-// Triangles in OpenGL's memory, ready to be drawn: an object's surface, which is uploaded for every picture, or a unit
-// solid. Tools, arrows and the table are made of unit solids. The memory is freed with the OpenGL context, and never
-// deleted singly.
+// Triangles in OpenGL's memory, ready to be drawn. They are the surface of the object (uploaded for every picture), a
+// tool that is a mesh, a unit solid, or the square of the table. All other tools and the arrows consist of unit solids.
+// The memory is freed with the OpenGL context, and never deleted singly.
 typedef struct kn_gl_mesh {
     // OpenGL names: `array`: vertex array; `buffer`: positions and normals; `sides`: distances of each corner from the
     // triangle sides that are drawn as lines; `values`: values on the colour scale.
@@ -60,8 +61,9 @@ kn_gl_mesh kn_gl_mesh_create(const kn_gl *gl); // create a mesh without triangle
 // Upload triangles. `data`: [corners][6], position and unit normal.
 void kn_gl_mesh_upload(const kn_gl *gl, kn_gl_mesh *mesh, int corners, const float *data, GLenum usage);
 
-// Create a solid of revolution about z. profile[i] is {radius, z} from the bottom up, with at most 17 entries. There
-// are at most 32 segments, and four segments make a box of radius sqrt(1/2). If memory is short, the mesh stays empty.
+// Create a solid of revolution about z. profile[i] is {radius, z} from the bottom up, with at most 17 entries.
+// `segments`: at most 32; four segments and the radius sqrt(1/2) make a box with sides of length 1. If memory is short,
+// the mesh stays empty.
 kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)[2], int segments);
 
 // Programs that OpenGL runs per vertex and per pixel.
@@ -78,7 +80,7 @@ bool kn_shader_programs_create(const kn_gl *gl, kn_shader_programs *programs, ch
 // ---- probes and the region of a picture: drawn_probe.c
 //
 // Drawing of a probe: its unit solids, each turned, scaled and placed, its force arrow, and its hand. Rounded edges are
-// drawn sharp, and a plate is 2 mm thick. Over a flat object, a ball is drawn as a disc.
+// drawn sharp, and a plate is drawn 2 mm thick. With a flat object, a ball is drawn as a disc and a plate as a line.
 //
 // Region: the part of a picture that an object, its probes and their shadows cover. Outside the region, the picture
 // shows the empty table. The region may be too large, but never too small.
@@ -117,7 +119,8 @@ kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *probe, float square_m);
 bool kn_drawn_probe_is_finite(const kn_view_probe *probe); // return true if all numbers of the pose are finite
 
 // Set `hand` to a copy of the probe at the pose of its hand and without force, so that the hand can be drawn like a
-// tool. Return false if no hand holds the tool, or if the hand is at the pose of its tool.
+// tool. Return false if the hand needs no outline: if the scene draws no hands, no hand holds the tool, the pose of the
+// hand is not finite, or the hand is within 0.5 mm and 3 degrees of its tool.
 bool kn_drawn_probe_hand(const kn_view_scene *scene, const kn_view_probe *probe, kn_view_probe *hand);
 
 typedef struct kn_dirty_region_def {

@@ -430,9 +430,9 @@ TEST("each unusable image is refused in one line")
     refuses("nosuch.png: No such file", IMAGE "nosuch.png");
     refuses("words.png: is not a PNG, expected a range image", IMAGE "words.png");
     refuses("color.png: 8 bits of colour, expected 16 bits of grey", IMAGE "color.png");
-    refuses("bare.png: does not say step_mm, expected a range image of knead view --depth, or --step",
+    refuses("bare.png: has no text step_mm, expected a range image of knead view --depth, or the option --step",
             IMAGE "bare.png");
-    refuses("bare.png: does not say top_mm, expected a range image of knead view --depth, or --top",
+    refuses("bare.png: has no text top_mm, expected a range image of knead view --depth, or the option --top",
             IMAGE "bare.png --step '1 um' --pixel '0.2 mm' --left '0 mm'");
     refuses("odd.png: top_mm is x, expected a place in mm", IMAGE "odd.png");
     refuses("wide.png: 9000 x 2 pixels, expected at most 8192 on a side", IMAGE "wide.png");

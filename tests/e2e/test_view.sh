@@ -246,9 +246,9 @@ if command -v ffmpeg >/dev/null; then
 fi
 bare=$PWD/bare
 mkdir -p bare folder/ffmpeg && ln -s "$(command -v knead)" bare/knead
-expect "a film without ffmpeg is refused" 3 'ffmpeg is not installed, which films need: install the package ffmpeg$' \
+expect "a film without ffmpeg is refused" 3 'films need ffmpeg, which is not installed: install the package ffmpeg$' \
     env PATH="$bare" knead view press.lcmlog --video x.mp4
-expect "a folder named ffmpeg is not taken for the program" 3 'ffmpeg is not installed, which films need: install the package ffmpeg$' \
+expect "a folder named ffmpeg is not taken for the program" 3 'films need ffmpeg, which is not installed: install the package ffmpeg$' \
     env PATH="$bare:$PWD/folder" "$(command -v knead)" view press.lcmlog --video x.mp4
 expect "an unknown film format is refused" 2 '--video x.avi: expected .mp4, ' knead view press.lcmlog --video x.avi
 expect "a film without a log or a length is refused" 2 'expected a log, or --seconds N' knead view --video x.mp4
