@@ -12,14 +12,14 @@
 #include <string.h>
 
 // The cells of an object for VTK files, with their corners in VTK's order. Cells are the cubes of a block, the squares
-// of a flat object, or the elements of a mesh. An object that is one node wide has no cells. Where the parts of a block
-// with two resolutions meet, cells share the nodes that both parts have.
+// of a flat object, or the elements of a mesh. An object that is one node wide has no cells. A block can have two parts
+// with different resolutions. Where the parts meet, their cells share the common nodes.
 
 typedef struct cell_list {
     const kn_model *model; // model of the object; must outlive this list of cells
     int count;
-    // corner: node numbers of the corners of all cells, end[count - 1] elements. end: for each cell, the index in
-    // `corner` after the cell's last corner, [count].
+    // corner: node numbers of the corners of all cells, end[count - 1] elements. end: [count] elements, for each cell
+    // the index in `corner` after the cell's last corner.
     int32_t *corner, *end;
     uint8_t *type; // VTK cell type of each cell, [count]
     double *rest;  // volume of each cell at rest, m^3, [count] values

@@ -45,7 +45,7 @@ static const char help[] =
     "  --lcm-url URL      bus of poses, forces, scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n\n"
     "Films need the program ffmpeg. Their names end in " KN_VIDEO_FILE_NAMES ".\n"
-    "  --from S, --to S   part of the recording to film (default: from 0 to its end)\n"
+    "  --from S, --to S   part of the recording to film (default: from 0 to the end)\n"
     "  --seconds N        duration of a film of the served object, 0.1..3600\n"
     "  --fps N            pictures per second, 1..120 (default: 30)\n"
     "  --speed X          speed of a recording, 0.01..1000; 2 is twice as fast (default: 1)\n\n"

@@ -144,7 +144,8 @@ static int unheard(const kn_view_options *o, const kn_live_server *live)
         kn_bus_client_why("is kneadd running, in this network namespace, with these --lcm-url and --mesh-url?"));
 }
 
-// Join the bus and wait until a complete mesh and the scene have arrived.
+// Join the bus. Wait at most o->wait_s for a complete mesh and the scene. A missing mesh is an error, a missing scene
+// is not.
 static int open_bus(kn_view_source *s, const kn_view_options *o)
 {
     char error[400];

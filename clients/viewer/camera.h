@@ -58,8 +58,8 @@ typedef struct kn_view_scene {
     bool turns;
 } kn_view_scene;
 
-// Return the default view: from the front and above, to show both the top and the profile of a dent across the block.
-// The colour is that of dough, lattice lines are on, and there are no probes.
+// Return the default view. The camera looks from the front and above, so that the picture shows both the top of the
+// object and the profile of a dent. The colour is that of dough, lattice lines are on, and there are no probes.
 kn_view_scene kn_view_scene_default(void);
 
 // ---- camera

@@ -39,8 +39,8 @@ void kn_scale_at(double share, float srgb[3])
         srgb[k] = kn_scale_color[i][k] + (float)(x - i) * (kn_scale_color[i + 1][k] - kn_scale_color[i][k]);
 }
 
-// Write the unit with the SI prefix that suits the scale's top into `text`. Return the factor by which values are
-// multiplied.
+// Write the unit with the SI prefix that suits the scale's top into `text`. Return the factor that converts a value to
+// this unit.
 static double prefix(const kn_scale *s, char text[16])
 {
     static const char *const name[] = {"n", "\u00b5", "m", "", "k", "M", "G"};

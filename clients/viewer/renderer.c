@@ -611,7 +611,7 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl_region all = {0, 0, r->width, r->height};
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
-    // Let the table fill the fraction of each pixel that the solids leave free, which is 1 - alpha.
+    // Let the table fill the fraction of each pixel that the solids leave free. This fraction is 1 - alpha.
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE);
     // Outside the regions that are drawn here, the picture already contains the backdrop.
     draw_table_parts(r, !before_backdrop ? all : soft ? region : table, table, foot, corner);
