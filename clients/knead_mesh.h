@@ -1,30 +1,30 @@
 #ifndef KNEAD_MESH_H
 #define KNEAD_MESH_H
-// KNEAD_MESH_INIT and KNEAD_MESH_UPDATE (mesh port, 7668) -> one mesh, always whole. One header, to copy.
+// Collect KNEAD_MESH_INIT and KNEAD_MESH_UPDATE (mesh port 7668) into a complete mesh. Copy this header to use it.
 //
 //     kn_mesh mesh = {0};
-//     on KNEAD_MESH_INIT:    kn_mesh_init(&mesh, data, size);           true: new topology, positions not known yet
-//     on KNEAD_MESH_UPDATE:  if (kn_mesh_update(&mesh, data, size))     true: all chunks of one tick are in: draw
+//     on KNEAD_MESH_INIT:    kn_mesh_init(&mesh, data, size);           true: new topology, no positions yet
+//     on KNEAD_MESH_UPDATE:  if (kn_mesh_update(&mesh, data, size))     true: all chunks of a tick have come; draw
 //     at the end:            kn_mesh_free(&mesh);
 //
-// data and size are those of lcm_recv_buf_t. The decoders of lcm-gen believe the counts in a message (28 bytes can make
-// them write past their heap block), so the counts are held against the size before anything is decoded.
+// `data` and `size` come from lcm_recv_buf_t. The decoders of lcm-gen do not check the counts in a message, and 28
+// bytes can make them write past their heap block. So the functions below check the counts first.
 #include "proto/knead_mesh_init_t.h"
 #include "proto/knead_mesh_update_t.h"
 #include <math.h>
 #include <stdbool.h>
 
-#define KN_MESH_VERTICES_MAX (1 << 22) // far above what the wire carries at 30 Hz; bounds the memory a message asks for
+#define KN_MESH_VERTICES_MAX (1 << 22) // more than a network carries at 30 Hz; limits the memory of a mesh
 
 typedef struct kn_mesh {
-    int64_t mesh_id, tick; // tick of positions_m, when whole
+    int64_t mesh_id, tick; // tick: the tick of positions_m, valid if `whole` is true
     int32_t generation, vertex_count, triangle_count;
-    bool whole;                         // positions_m is filled
-    int32_t *triangles;                 // [triangle_count][3], every one < vertex_count
-    float *positions_m;                 // [vertex_count][3], all of one tick, finite
-    float *residual_strain, *stress_pa; // [vertex_count] of that tick, finite; NULL: the scene's mesh.measures say no
-    float *staged_m; // private from here on: chunks of staged_tick as they come in; measures behind the positions
-    uint8_t *seen;   // [vertex_count]; told: bits, the measures that every chunk so far told
+    bool whole;                         // positions_m holds the positions of one tick
+    int32_t *triangles;                 // [triangle_count][3], indices of vertices, each < vertex_count
+    float *positions_m;                 // [vertex_count][3], finite, all of the same tick
+    float *residual_strain, *stress_pa; // [vertex_count] finite, of that tick; NULL: not in the messages
+    float *staged_m; // private from here on: received chunks of staged_tick; the measures follow the positions
+    uint8_t *seen;   // [vertex_count] 1: received; told: bit mask of the measures that every chunk so far had
     int64_t staged_tick, staged_generation, seen_count, told;
 } kn_mesh;
 
@@ -40,10 +40,10 @@ static inline void kn_mesh_free(kn_mesh *m)
     memset(m, 0, sizeof *m);
 }
 
-// False: nothing new (the same mesh again), malformed, or out of memory; the mesh is then as before.
+// Return false if the mesh is not new, the message is malformed, or memory runs out. The mesh is then unchanged.
 static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
 {
-    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TRAILER = 32 }; // bytes; --key appends a trailer
+    enum { INDEX_COUNT = 8 + 24 + 8, TRIANGLES = INDEX_COUNT + 5, TRAILER = 32 }; // bytes; TRAILER: added by --key
     if (size < TRIANGLES || (size - TRIANGLES - 4 * kn_mesh_int(data, INDEX_COUNT)) & ~TRAILER) return false;
     knead_mesh_init_t msg;
     if (knead_mesh_init_t_decode(data, 0, (int)size, &msg) < 0) return false;
@@ -56,14 +56,14 @@ static inline bool kn_mesh_init(kn_mesh *m, const void *data, uint32_t size)
         next.triangle_count = msg.triangle_count, next.seen = calloc(n, 1);
         next.positions_m = calloc(5 * n, sizeof(float)), next.staged_m = calloc(5 * n, sizeof(float));
         fits = next.positions_m && next.staged_m && next.seen;
-        if (fits) next.triangles = msg.triangles, msg.triangles = NULL, kn_mesh_free(m), *m = next; // the decoder's
+        if (fits) next.triangles = msg.triangles, msg.triangles = NULL, kn_mesh_free(m), *m = next; // no copy
         else kn_mesh_free(&next);
     }
     knead_mesh_init_t_decode_cleanup(&msg);
     return fits;
 }
 
-// True: positions_m now is the tick whose last missing chunk this was. Other chunks change nothing that can be seen.
+// Return true if this chunk completes a tick; positions_m then holds that tick. Other chunks do not change it.
 static inline bool kn_mesh_update(kn_mesh *m, const void *data, uint32_t size)
 {
     enum { COUNTS = 8 + 24 + 20, FLOATS = COUNTS + 13, TRAILER = 32 };
@@ -85,7 +85,7 @@ static inline bool kn_mesh_update(kn_mesh *m, const void *data, uint32_t size)
     for (int k = 0; fits && k < 3; k++) memcpy(m->staged_m + at[k], n[k] ? told[k] : m->staged_m, 4 * (size_t)n[k]);
     if (fits) m->told &= (n[1] == msg.count) | (n[2] == msg.count) << 1;
     for (int64_t v = first; fits && v < first + msg.count; v++) m->seen_count += !m->seen[v], m->seen[v] = 1;
-    const bool again = m->whole && m->tick == msg.tick && m->generation == msg.generation; // a chunk that came twice
+    const bool again = m->whole && m->tick == msg.tick && m->generation == msg.generation; // tick already complete
     const bool whole = fits && !again && m->seen_count == all;
     if (whole) {
         float *before_m = m->positions_m;

@@ -11,7 +11,7 @@
 #include <stdio.h>
 #include <time.h>
 
-enum { HOLD_MS = 3, ZERO_MS = 20, SILENCE_MS = 1200 }; // times of the own watchdog, see below
+enum { HOLD_MS = 3, ZERO_MS = 20, SILENCE_MS = 1200 }; // times of this program's watchdog, see below
 
 static knead_contact_force_t force; // newest force message
 static int force_age_ms;            // age of the newest force, ms
@@ -20,7 +20,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead
 {
     (void)buf, (void)channel;
     int again = msg->session == force.session && msg->tick <= force.tick; // a repeated force does not reset the age
-    if (msg->session != *(int64_t *)session || again) return;             // other session: another client has the tool
+    if (msg->session != *(int64_t *)session || again) return;             // another session: a force for another client
     force = *msg;
     force_age_ms = 0;
 }
@@ -63,7 +63,7 @@ int main(int argc, char **argv)
         }
         force_age_ms++;
         while (lcm_handle_timeout(lcm, 0) > 0) continue; // read all waiting messages; the newest stays
-        // Own watchdog: hold the force 3 ms, fade it to 0 N by 20 ms, send no poses for 1.2 s (kneadd ends the session)
+        // Watchdog: hold the force for 3 ms, fade it to 0 N by 20 ms, then send no poses for 1.2 s: the session ends
         if (silent_ms > 0 && --silent_ms == 0) tripped = 0, session = now_ns(CLOCK_REALTIME);
         if (force_age_ms >= ZERO_MS && !tripped && force.session == session) tripped = 1, silent_ms = SILENCE_MS;
         double factor = tripped ? 0 : fmin(1, fmax(0, (double)(ZERO_MS - force_age_ms) / (ZERO_MS - HOLD_MS)));

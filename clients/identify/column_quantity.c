@@ -457,8 +457,8 @@ int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity
     int bare = -1;
     kn_column_quantity bare_is = *wanted;
     for (int i = 0; i < count; i++) {
-        // A column was found that may hold one of the quantities. A column of another quantity with a wrong unit is
-        // then no error.
+        // If an uncertain column was found before, search without printing first. A column of another quantity with a
+        // wrong unit is then skipped and is not an error.
         if (bare >= 0 && kn_column_find(s, wanted[i], NULL) < 0) continue;
         const int column = kn_column_find(s, *q = wanted[i], code);
         if (*code != KN_EXIT_OK) return -1;

@@ -8,7 +8,7 @@
 // ---- the list of material models
 
 // Write the name of a class of elements. In creep the name is the Voigt form of the element. In relaxation the name
-// lists the Maxwell elements and the spring, without a dashpot in parallel.
+// lists the Maxwell elements and the spring. It does not mention a dashpot in parallel.
 static void class_name(const kn_oneport *o, bool relax, char text[KN_ELEMENT_TEXT])
 {
     static const char *const units[] = {"", "Maxwell unit", "two Maxwell units", "three Maxwell units"};
@@ -57,8 +57,8 @@ int kn_constitutive_models(kn_constitutive_model model[KN_CONSTITUTIVE_MAX], boo
         snprintf(model[i].name, sizeof model->name, "%.40s", class[i].name);
         memcpy(model[i].letters, class[i].letters, sizeof model->letters);
     }
-    // The papers' damper has four variants. In relaxation c1 and P0 may each be absent, in creep P0 and P1. See
-    // model_comparison.h.
+    // The papers' damper has four variants. In relaxation c1 and P0 may each be absent. In creep P0 and P1 may each be
+    // absent. See model_comparison.h.
     for (int more = 0; more < 4; more++) {
         kn_constitutive_model *d = &model[count++];
         *d = (kn_constitutive_model){.kind = KN_CONSTITUTIVE_PAPERS, .relax = relax, .letters = "d"};

@@ -74,8 +74,8 @@ static void print_curves(const kn_identification *w)
         printf("\n");
     }
     printf("misfit: rms residual, %% of the largest strain. / noise: rms residual over the noise.\n"
-           "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
-           "above 3, the model has another shape than the data\n"
+           "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
+           "above 3, the model's curve has another shape than the data\n"
            "fit and intervals took %.2g s\n",
            w->took_s);
 }
@@ -147,7 +147,8 @@ static void doubt_curves(kn_identification *w)
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             kn_identify_note(w,
                              "%s: the residuals of the fit are not noise (%.3g times the noise, runs %.2g). "
-                             "The model, a scale or the time of the load is wrong%s. The intervals cover noise only",
+                             "The model, the scale of a column or the time of the load is wrong%s. "
+                             "The intervals cover noise only",
                              c->name, times, j->runs[k], w->opt.late ? "" : " (--late fits the time)");
         // Without readings under load, only the strain at the end of the load is known.
         if (under_load(c) == 0)
@@ -166,7 +167,7 @@ static void doubt_all(kn_identification *w)
     // A single load covers a short range of stresses, so the data can hardly separate beta, P0 and P1.
     if (w->curves == 1 && j->material.damper == KN_DAMPER_EXPONENTIAL)
         kn_identify_note(w, "only one load: the damper is known only for the stresses under this load. "
-                            "Beyond these stresses, beta cannot be told from P0 and P1; measure another load");
+                            "Beyond these stresses, beta cannot be told apart from P0 and P1; measure another load");
     // If alpha and beta are strongly correlated, the data determine only a combination of both.
     if (fabs(j->alpha_beta) > 0.98)
         kn_identify_note(w,

@@ -273,14 +273,13 @@ static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity 
     return kn_curve_refuse(f, c->line[0], -1, "the %s is 0 in all readings, expected a load on the specimen", name);
 }
 
-// Take one constant load. The name of the strain's column may give it as `load_n`. If `load_n` is NAN, a note or an
-// option gives the load.
+// Add one constant load. `load_n` is the load in the name of the strain's column. If `load_n` is NAN, a note or an
+// option gives the load or the stress.
 static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, double load_n)
 {
     double stress_pa = f->stress_pa;
     c->constant_area |= compliance;
-    // If the stress of a compliance is unknown, assume 1 Pa. The number of the strain then equals the number of the
-    // compliance.
+    // If the stress of a compliance is unknown, assume 1 Pa. The strain is then as large as the compliance in 1/Pa.
     if (compliance && !isfinite(stress_pa)) stress_pa = 1;
     if (isfinite(load_n) || !isfinite(stress_pa)) {
         if (!isfinite(load_n)) load_n = f->load_n;
@@ -294,8 +293,8 @@ static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, doubl
     return KN_EXIT_OK;
 }
 
-// Print an error: the load was removed before it came or after the last reading. If a note gives the time of the
-// removal, the error points to this note.
+// Report that the load was removed before it was applied or after the last reading, and return an exit code. If a note
+// gives the time of the removal, the error points to this note.
 static int bad_release(const kn_curve_file *f, double from_s, double to_s)
 {
     const kn_table_reader *s = &f->table;
@@ -558,8 +557,8 @@ static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
     }
 }
 
-// Print an error and return an exit code: time restarts in a second table with an equal load. Time may also fall
-// because of a thousands separator: in a file with decimal commas, 1,002 after 999 is read as 1.002.
+// Report that time restarts in a second table with an equal load, and return an exit code. Time may also fall because
+// of a thousands separator: in a file with decimal commas, 1,002 after 999 is read as 1.002.
 static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
 {
     const double *t = f->table.column[c->time].value, last = last_time(t, begin, end), next = 1000 * t[end];

@@ -356,8 +356,8 @@ static void seek_p0(work *w)
 
 // ---- outliers among the readings
 
-// Compute how far the readings of one curve deviate from the fit. The deviations are divided by a value from their
-// median, so that 1 is the standard deviation of normal noise.
+// Compute how far the readings of one curve deviate from the fit, in standard deviations. The standard deviation is
+// estimated from the median deviation, but is at least the noise of the curve.
 static bool deviations(const work *w, int k, double *out)
 {
     const kn_curve *c = &w->curve[k];

@@ -306,8 +306,8 @@ int kn_creep_validation(kn_document *d, const kn_identification *w)
     kn_document_section(d, "Simulated creep");
     kn_document_text(d,
                      "The fitted material creeps again under the same loads: "
-                     "as one element, integrated to a tolerance by separate code, "
-                     "and as blocks of %d x %d x %d cells in the solver that serves scenes. "
+                     "as one element, computed to a given accuracy by separate code, "
+                     "and as blocks of %d x %d x %d cells in the solver of kneadd. "
                      "The edges of a lattice turn as the block gives way; the edges of a single element do not. "
                      "So block and element differ more as the strain grows. "
                      "With diagonals alone a block gives way more than the element; "

@@ -25,7 +25,7 @@
 typedef struct kn_voigt_chain {
     double spring_pa; // stiffness of the single spring [Pa]; 0: the chain has no single spring
     int voigts;       // number of Voigt elements
-    // stiffness k >= 0 and damping c >= 0 of each Voigt element; not both are 0
+    // stiffness k >= 0 and damping c >= 0 of each Voigt element; at least one of the two is above 0
     double k_pa[KN_VOIGT_CHAIN_VOIGTS], c_pa_s[KN_VOIGT_CHAIN_VOIGTS];
     double alpha_pa_s; // alpha of the single damper; 0: there is no single damper
     // beta, P0 and P1 of the single damper; beta 0: its damping does not depend on the stress

@@ -14,7 +14,7 @@
 
 // ---- the options of creep, relax and sweep
 
-// Parse a strain, 10% or 0.1, with an optional blank before the percent sign.
+// Parse a strain such as 10% or 0.1. A blank before the percent sign is allowed.
 static const char *take_strain(void *strain, const char *text)
 {
     char share[40];
@@ -255,10 +255,9 @@ static const struct {
     const kn_identify_experiment *experiment;
 } experiments[] = {
     {"creep", "creep under one or several loads: find k1, c1 and the damper, with intervals", &kn_identify_creep},
-    {"relax", "stress relaxation at a held strain: find k1, c1 and the damper; which models the data support",
-     &kn_identify_relax},
+    {"relax", "stress relaxation at a held strain: find k1, c1 and the damper, and compare models", &kn_identify_relax},
     {"shape", "range image and force of a pressed lump: find structure, inside pressure, stress area", NULL},
-    {"sweep", "storage and loss modulus over frequency: find springs and dampers; which of them the data support",
+    {"sweep", "storage and loss modulus over frequency: find the springs and dampers that the data support",
      &kn_identify_sweep},
 };
 enum { EXPERIMENTS = sizeof experiments / sizeof *experiments };

@@ -42,7 +42,7 @@ typedef struct kn_identify_options {
     "  --csv FILE        table of readings and fit\n"                                                                  \
     "  --json            print the results as JSON\n"                                                                  \
     "  --no-models       do not compare the result with other material models\n"                                       \
-    "  --cut TIME        fit other models before TIME, test them after it (default: a tenth or half of the time)\n"
+    "  --cut TIME        fit other models before TIME, test them after it (default: a time chosen from the data)\n"
 
 // ---- the fit of sweep (sweep_command.c)
 //
@@ -165,9 +165,9 @@ void kn_identify_points(double low, double high, double *x);
 // Second, a block of the material is pressed as in the first paper, section 5: the plate moves 1 cm down at 1 cm/s,
 // stays for 30 s, and moves up again. The runs take seconds and show progress bars.
 //
-// The edges of a lattice turn as the block is compressed, whereas an element has no directions. A block of sides and
-// diagonals alone gives way more than the element. For dough, its strain differs from the element's by 12 % under 10
-// gf, and is 1.6 times as large under 30 gf and 1.8 times under 50 gf. In a block with gas in its cells the volume
+// The edges of a lattice turn as the block is compressed, whereas an element has no directions. A block without gas,
+// with diagonals alone, gives way more than the element. For dough, its strain differs from the element's by 12 % under
+// 10 gf, and is 1.6 times as large under 30 gf and 1.8 times under 50 gf. In a block with gas in its cells the volume
 // stays constant, as equation 4 of the first paper supposes. Such a block is stiffer: its strain is 0.87 times the
 // element's under 30 gf and 0.61 times under 50 gf. The page states these differences.
 int kn_creep_validation(kn_document *d, const kn_identification *w);

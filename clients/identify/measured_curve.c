@@ -116,10 +116,10 @@ static bool strides(const kn_table_reader *s, const double *t, int i, double lon
     return next < s->rows && t[next] - t[i] > longer_s;
 }
 
-// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. These rows begin a second table if time has
-// started again. Return 0 if only one or two rows are out of place, so that one of the first FEW rows continues the old
-// time. The time of such a row is between `last`, the largest time so far, and three old steps later, and the next row
-// follows within ten old steps.
+// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. If time has started again, these rows begin a
+// second table. Return 0 if one of the first FEW rows continues the old time, since then only the rows before it are
+// out of place. A row continues the old time if its time is from `last`, the largest time so far, to three old steps
+// later. In addition, the next row must follow within ten old steps.
 static int rows_anew(const kn_table_reader *s, const double *t, int at, double last, double step)
 {
     double before = t[at];

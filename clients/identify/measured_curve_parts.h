@@ -50,8 +50,8 @@ typedef struct kn_curve_file {
     bool constant_area;
 } kn_curve_file;
 
-// Range of rows of the table, begin..end-1, that becomes a curve, and the columns that fill the curve's arrays; -1: no
-// column.
+// The rows begin..end-1 of the table, which become one curve, and the indices of the columns that fill the curve's
+// arrays. Index -1: no column.
 typedef struct kn_curve_rows {
     int begin, end, time, value, other, load;
 } kn_curve_rows;

@@ -418,8 +418,8 @@ void kn_model_comparison_print(const kn_model_comparison *m)
     for (int i = 0; i < m->rows; i++) print_row(m, &m->row[i]);
     printf(
         "letters: elements in figure 2 of the first paper. n: number of parameters. AICc: difference from the best.\n"
-        "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
-        "above 3, the model has another shape than the data. (?): not determined by the fitted part\n");
+        "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
+        "above 3, the model's curve has another shape than the data. (?): not determined by the fitted part\n");
     kn_model_comparison_verdict(m, text, sizeof text);
     printf("verdict     %s.\n", text);
 }

@@ -30,7 +30,7 @@ static const char help[] =
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,modulus=Pa\n"
     "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
     "  --noise relative       assume noise that is a share of the stress; fit 20 means per decade of time (default)\n"
-    "  --noise constant       assume equal noise at all stresses, as of an instrument; give each reading equal weight\n"
+    "  --noise constant       assume the same noise at all stresses, like an instrument's; weigh all readings equally\n"
     KN_IDENTIFY_OUTPUT_HELP
     "\nThe output gives the best parameters and their 95 % intervals.\n"
     "The intervals are valid if the model is right and the noise is independent. The output says whether this is so.\n"
@@ -75,11 +75,11 @@ static void doubt(kn_identification *w)
                              "%s: the fit is off by %.2g %% on average: "
                              "the specimen does not behave as the papers' element, and the parameters mean little",
                              name, 100 * k->misfit);
-        // Runs of one sign mean that the model has another shape than the data.
+        // Long runs of one sign mean that the model's curve has another shape than the data.
         if (k->runs > 3 && k->misfit > NUMERICS)
             kn_identify_note(w,
                              "%s: the residuals have runs of one sign (%.2g standard deviations): "
-                             "the model has another shape than the data, and the intervals are too narrow",
+                             "the model's curve has another shape than the data, and the intervals are too narrow",
                              name, k->runs);
         // If the strain did not rise on a straight line, the recorded strain is used, and the noise of this strain
         // affects c1.
@@ -135,8 +135,8 @@ static void print_curves(const kn_relaxation_fit *r)
                k->hold.count, 100 * k->misfit, kn_identify_runs(k->runs, runs));
     }
     printf("rise, hold: number of fitted means. misfit: mean of |fit/measured - 1|.\n"
-           "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
-           "above 3, the model has another shape than the data\n");
+           "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
+           "above 3, the model's curve has another shape than the data\n");
 }
 
 static void tell_json(const kn_relaxation_fit *r)
@@ -228,7 +228,7 @@ static int draw(kn_identification *w, const char *path)
 {
     static const char since[] = "time since the strain was reached, s";
     const kn_relaxation_fit *r = &w->relax;
-    // the drawing is too large for the stack; so are the panels
+    // the drawing and its panels are too large for the stack
     static drawing d;
     static kn_figure_panel p[3];
     int count = 0;

@@ -145,8 +145,8 @@ static void bounds(const work *w, kn_fit *fit)
     }
 }
 
-// Search state: place the fitted parts of a smaller element within a larger element. Each part of the smaller element
-// takes the place of a part of its kind. The remaining parts are put at a bound where they have no effect. The
+// State of a search that places the fitted parts of a smaller element within a larger element. Each part of the smaller
+// element takes the place of a part of its kind. The remaining parts are put at a bound where they have no effect. The
 // placement with the least sum of squares is kept. If the larger element contains the smaller one, this sum equals that
 // of the smaller element.
 typedef struct nesting {
@@ -351,7 +351,7 @@ static void verdict(const kn_sweep_fit *s, char *text, size_t size)
     if (best->runs > 3 && best->error > 5e-4)
         snprintf(text + n, size - n,
                  "; but the residuals have runs of one sign: "
-                 "the model has another shape than the data, and the intervals are too narrow");
+                 "the model's curve has another shape than the data, and the intervals are too narrow");
     n = strlen(text);
     if (s->material >= 0 && s->material != s->best)
         snprintf(text + n, size - n,
@@ -372,8 +372,8 @@ static void print(kn_identification *w)
                r->aicc - s->row[s->best].aicc, kn_identify_runs(r->runs, runs), text);
     }
     printf("misfit: mean of |model/measured - 1| of both moduli. AICc: difference from the chosen element.\n"
-           "runs: the residuals have fewer runs of one sign than noise, by so many standard deviations;\n"
-           "above 3, the model has another shape than the data\n");
+           "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
+           "above 3, the model's curve has another shape than the data\n");
     verdict(s, text, sizeof text);
     printf("verdict     %s.\n", text);
     if (doubt(w, text, sizeof text)) kn_identify_note(w, "%s", text);
@@ -474,7 +474,7 @@ static void add_curve(const kn_identification *w, kn_figure_panel p[2], const kn
 
 static int draw(kn_identification *w, const char *path)
 {
-    // the drawing is too large for the stack; so are the panels
+    // the drawing and its panels are too large for the stack
     static drawing d;
     static kn_figure_panel p[2];
     const kn_sweep_fit *s = &w->sweep;

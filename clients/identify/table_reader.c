@@ -347,8 +347,8 @@ static bool grow(kn_table_reader *s, int count, const int wanted[])
     return ok;
 }
 
-// Print an error and return an exit code: cells hold text in place of numbers. If the names are repeated below the
-// text, the text is the heading of the next interval and no error.
+// Report text in place of numbers, and return an exit code. Text above repeated names is not an error, since it is the
+// heading of the next interval.
 static int bad_text(const kn_table_reader *s)
 {
     const char *text = s->strange.text;

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 
 // NODES: number of nodes of the Talbot inversion. Each node adds 0.6 digits, but the rounding error grows as exp(0.4
-// NODES), so more nodes would lose accuracy. PHASE: number of intervals between nodes of the superposition in one
-// phase, the time between two changes of load.
+// NODES), so more nodes would lose accuracy. PHASE: number of intervals into which the nodes of the superposition
+// divide one phase. A phase is the time between two changes of load.
 enum { NODES = 18, PHASE = 40 };
 // node i of a phase is placed at the share (i/PHASE)^GRADING of the duration of the phase, since the strain rises as a
 // power of time after a change of load

@@ -395,7 +395,7 @@ static void print_row(const kn_pareto_row *r, const kn_pareto_row *const named[K
 static void print_lattice(const kn_pareto_front *front, const kn_pareto_row *r)
 {
     char lattice[16];
-    printf("-- %s, %d nodes: converged, the force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
+    printf("-- %s, %d nodes: the converged force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
            r->run->nodes, r->reference_jump_n, r->reference_variation);
     // If the lattice has no error of its own, it is the finest lattice, or a mesh.
     if (r->run->spacing_m == 0) puts("; the error against a finer mesh is not known");

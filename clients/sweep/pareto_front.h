@@ -85,8 +85,8 @@ const kn_pareto_row *kn_pareto_front_pick(const kn_pareto_front *front, double b
 // than fast, and a smaller error than fast.
 //
 // fast is accurate if there is no candidate for fast, or if only accurate meets the bounds of fast. If no candidate for
-// balanced meets its bounds, balanced is fast if fast meets them, else accurate. Thus the bounds of a name are met if
-// any candidate meets them. An entry of `named` is NULL if there is no candidate.
+// balanced meets its bounds, balanced is fast if fast meets them, and accurate otherwise. Thus the bounds of a name are
+// met if any candidate meets them. An entry of `named` is NULL if there is no candidate.
 void kn_pareto_front_name(const kn_pareto_front *front, const kn_sweep_plan *plan,
                           const kn_pareto_row *named[KN_QUALITY_OWN]);
 

@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-// "KBDtrace" in the byte order of the file: marks the format that contains times of the ticks.
+// Mark of the trace format that contains the times of the ticks: "KBDtrace" in the byte order of the file.
 #define MAGIC 0x656361727444424bu
 // Largest sizes that are accepted from a file: number of nodes of the largest lattice of core/scene, and number of
 // ticks in 4.6 hours.

@@ -5,8 +5,8 @@
 // replays of one log have the same ticks.
 //
 // A trace file has the byte order and layout of this machine. The file is written under another name and renamed when
-// it is complete, so an interrupted program leaves no partial trace. A damaged file, and a file of another program, are
-// reported differently from a missing one.
+// it is complete, so an interrupted program leaves no partial trace. kn_replay_trace_load distinguishes a missing file,
+// a damaged file and a file that another program made.
 #include "server/log_replay.h"
 
 typedef struct kn_replay_trace {

@@ -202,7 +202,7 @@ static void print_table(const kn_stability_atlas *a)
     }
     // Print the total over all families only if there is more than one family.
     if (family_end(a, 0) < a->maps) print_counts(a, "all", 0, cells_of(a));
-    printf("\ncoarse: the error of the time step alone exceeds %g %%; loose: the answer did not converge in every "
+    printf("\ncoarse: the error of the time step alone exceeds %g %%; loose: the reference did not converge in every "
            "step\n",
            100 * COARSE);
 }

@@ -312,7 +312,7 @@ static const family families[] = {
     [F_ASPECT] = {"aspect", "tetrahedra elongated or flattened", make_aspect},
     [F_SLIVER] = {"sliver", "tetrahedra of almost no volume", make_sliver},
     [F_SQUASH] = {"squash", "compression up to 95 %", make_squash},
-    [F_GAS] = {"gas", "cells released from zero volume, and inside out", make_gas},
+    [F_GAS] = {"gas", "gas cells that start at zero volume or inside out", make_gas},
     [F_JUMP] = {"jump", "a tool pose displaced by up to 10 cm for three steps", make_jump},
     [F_MIXED] = {"mixed", "all parameters at random over ten decades", make_mixed},
     [F_SIZE] = {"size", "finer blocks, stiffer springs", make_size},
@@ -359,7 +359,8 @@ static void set_y(kn_stability_map *c, const double *y, int count)
     memcpy(c->y, y, (size_t)count * sizeof *y);
 }
 
-// Set the columns (X) or the rows (Y) of a map: to the short list of values in a quick survey, else to the long list.
+// Set the columns (X) or the rows (Y) of a map. A quick survey takes the short list of values. Otherwise the long list
+// is taken.
 #define X(few, all) (l->quick ? set_x(c, few, COUNT(few)) : set_x(c, all, COUNT(all)))
 #define Y(few, all) (l->quick ? set_y(c, few, COUNT(few)) : set_y(c, all, COUNT(all)))
 

@@ -131,8 +131,8 @@ static double touched_m2(const kn_probe_def *probe)
 }
 
 // Return the computing cost of the contact of one tool. A plate has to find its nodes and solves a second law for the
-// edges on these nodes. For any other shape the cost is per sample. Friction adds the same cost again, because each
-// sample searches for its friction cone. A coupled tool adds the same cost once more.
+// edges on these nodes. Any other shape has a cost per sample. Friction adds this cost a second time, because each
+// sample searches for its friction cone. Coupling adds this cost once more.
 static kn_tick_cost_part contact(const kn_model *m, int index)
 {
     static const char *const shape[] = {"plate", "ball", "capsule", "box", "cross", "cylinder", "union", "mesh"};
@@ -149,7 +149,7 @@ static kn_tick_cost_part contact(const kn_model *m, int index)
     double extent_m[3];
     kn_model_def_extent(&m->def, extent_m);
     double samples = fmin(touched_m2(probe), extent_m[0] * extent_m[1]) / (h * h) * per * per;
-    snprintf(p.name, sizeof p.name, "%s %s, half in: %.0f samples", shape[probe->shape], probe->name, samples);
+    snprintf(p.name, sizeof p.name, "%s %s, half pressed in: %.0f samples", shape[probe->shape], probe->name, samples);
     p.once = (kn_tick_cost){samples * sizeof(kn_sample), samples * 250 * more, samples * 0.12 * more};
     p.iteration = (kn_tick_cost){samples * sizeof(kn_sample), samples * 108 * more, samples * 0.012 * more};
     return p;

@@ -8,10 +8,10 @@
 
 static const char help[] =
     "usage: knead tradeoff SCENE LOG [OPTION]...\n\n"
-    "Replays a whole log of this scene (knead probe --record) at many points of speed against accuracy.\n"
-    "Each point runs through the daemon's own servo and is compared with references in double precision.\n"
+    "Replays a whole log of this scene (from knead probe --record) with many combinations of solver settings.\n"
+    "Each combination is a point. It runs in the daemon's own servo and is compared with references in f64.\n"
     "The output is a table of all points, and the three named points fast, balanced and accurate.\n\n"
-    "    knead tradeoff dough.yaml press.lcmlog --plot tradeoff.png    some minutes; --quick: under one\n"
+    "    knead tradeoff dough.yaml press.lcmlog --plot tradeoff.png    some minutes (under one with --quick)\n"
     "    knead tradeoff dough.yaml press.lcmlog --budget-us 300        the most accurate point within 300 us\n"
     "    knead tradeoff dough.yaml press.lcmlog --write                fast, balanced, accurate for --quality\n\n"
     "  --quick            fewer points, no finer lattice, and no reference for the error of the time step\n"
@@ -23,7 +23,7 @@ static const char help[] =
     "  --set KEY=VALUE    set a key of the scene, in every point\n"
     "points to play instead of the usual ones, as comma-separated lists. Every combination of the values is a point.\n"
     "Without a list the scene's own value is used. A block has a lattice for each spacing; a mesh has only one:\n"
-    "  --solver LIST      blend, secant, tangent, rk4 (if its stable step allows it; else a line gives the reason)\n"
+    "  --solver LIST      blend, secant, tangent, rk4 (if the scene allows rk4; otherwise a line gives the reason)\n"
     "  --precision LIST   f32, f64\n"
     "  --iterations LIST  CG iterations in every step (default: 4,8,16)\n"
     "  --tolerance LIST   residual above which CG makes more iterations than --iterations; 0: never (default: 0).\n"
@@ -59,7 +59,7 @@ static const char help[] =
     "           The heading of each lattice has the jump of the reference\n"
     "  TV/pk    total variation of the force, divided by the reference's peak force.\n"
     "           A point `chatters` if its TV/pk is above 1.3 times that of the reference.\n"
-    "           A point is `latched` if the output stage took the force away, but not in the reference.\n"
+    "           A point is `latched` if it diverged, or if more faults occurred than in the reference.\n"
     "           Neither kind of point is ever picked\n"
     "fast, balanced and accurate have the scene's lattice, step and precision.\n"
     "So a server can switch between these points while it runs.\n"
@@ -69,11 +69,12 @@ static const char help[] =
     "    0.1 % and 0.2 % (accurate)\n"
     "  - the force jumps by at most 1.5 times the jump of the converged force\n"
     "  - the time is within solver.budget (default: 0.8 ms)\n"
-    "  - the work exceeds that of the next faster name: a step has a least and a largest number of iterations;\n"
-    "    at least one of the two is larger, and neither is smaller\n"
-    "If no point meets the errors, the name is given to the cheapest of the most accurate points and marked MISSED.\n"
+    "  - the point needs more work than the next faster name: of the least and the largest number of iterations\n"
+    "    per step, at least one is larger, and neither is smaller\n"
+    "If no point meets the bounds of the errors, the cheapest of the most accurate points gets the name,\n"
+    "marked MISSED.\n"
     "A name that has no point of its own is reported.\n"
-    "`no name` is a more accurate point that needs another lattice, step or precision.\n\n"
+    "The line `no name` gives a more accurate point that needs another lattice, step or precision.\n\n"
     "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, parallel or a host failed.\n";
 
 static const char *take_tolerance(void *tolerance, const char *text)

@@ -45,7 +45,7 @@ sed 's/^material: .*/material: odd-name.yaml/' scene.yaml >odd-scene.yaml
 knead check odd-scene.yaml >check.txt 2>err && ok "a scene loads the material from the file with the odd name" || fail "odd name: $(cat err)"
 
 knead identify creep 50gf.csv >one.txt 2>err || fail "one load: $(cat err)"
-grep -q '^P0 *<= ' one.txt && grep -q '^P1 *>= ' one.txt && grep -q 'cannot be told from P0 and P1' one.txt &&
+grep -q '^P0 *<= ' one.txt && grep -q '^P1 *>= ' one.txt && grep -q 'cannot be told apart from P0 and P1' one.txt &&
     grep -q 'not known separately' one.txt && ok "one load gives bounds of P0 and P1, and says which parameters are not known separately" || fail "one load"
 
 awk -F, 'NR == 100 { $2 += 2 } { print }' OFS=, 50gf.csv >outlier.csv
