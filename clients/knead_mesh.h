@@ -22,7 +22,7 @@ typedef struct kn_mesh {
     bool whole;                         // positions_m holds the positions of one tick
     int32_t *triangles;                 // [triangle_count][3], indices of vertices, each < vertex_count
     float *positions_m;                 // [vertex_count][3], finite, all of the same tick
-    float *residual_strain, *stress_pa; // [vertex_count] finite, of that tick; NULL: not in the messages
+    float *residual_strain, *stress_pa; // [vertex_count] finite values of that tick; NULL: not in the messages
     float *staged_m; // private from here on: received chunks of staged_tick; the measures follow the positions
     uint8_t *seen;   // [vertex_count] 1: received; told: bit mask of the measures that every chunk so far had
     int64_t staged_tick, staged_generation, seen_count, told;

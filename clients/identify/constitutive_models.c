@@ -248,7 +248,7 @@ typedef double (*places)[KN_FIT_UNKNOWNS];
 // ---- starts of a search for a relaxation curve
 
 // Summary of the early readings as moduli (stress/strain). a, b: coefficients of the line a - b ln t through the
-// readings of all curves. first, middle, last: three times, and the modulus of the first curve at each of these times.
+// readings of all curves. first, middle, last: three moments, each with the modulus of the first curve at that moment.
 typedef struct look {
     double a, b, first_s, middle_s, last_s, first_pa, middle_pa, last_pa;
 } look;

@@ -85,7 +85,7 @@ bool kn_superposition_creep(kn_superposition *m, kn_superposition_compliance *co
 
 // ---- all models of a material
 
-// A class of elements of the catalogue that an experiment cannot tell apart.
+// One class: elements of the catalogue that an experiment cannot tell apart.
 typedef struct kn_element_class {
     // name of the class: the Voigt form, or if kn_element_classes was called with `relax`, a name such as "two Maxwell
     // units"
@@ -115,7 +115,7 @@ typedef struct kn_constitutive_model {
     // The next fields are for the kind KN_CONSTITUTIVE_UNITS. spring: whether k_inf is above 0 (relaxation), or whether
     // the chain has a single spring (creep). damper: whether the chain has a single damper (creep only).
     bool spring, damper;
-    int units; // number of Maxwell elements in relaxation, of Voigt elements in creep
+    int units; // relaxation: number of Maxwell elements; creep: number of Voigt elements
     // The next fields are for the kind KN_CONSTITUTIVE_PAPERS: whether the model has the parameters c1, P0 and P1
     // beside k1, alpha and beta.
     bool c1, p0, p1;

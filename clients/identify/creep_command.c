@@ -89,7 +89,7 @@ static void two_stage_deviation(const kn_material *a, const kn_material *b, doub
     percent[3] = 100 * (a->beta_per_pa / b->beta_per_pa - 1);
 }
 
-// Print how far the results of the first paper's own method, curve by curve, are from the joint fit.
+// For each curve, print how far the results of the first paper's own method are from the joint fit.
 static void print_stages(const kn_identification *w)
 {
     bool first = true;
@@ -511,7 +511,7 @@ static int fits(kn_document *d, kn_identification *w)
     return KN_EXIT_OK;
 }
 
-// List how far the results of the first paper's two-stage method differ from the joint fit.
+// List how far the results of the first paper's two-stage method are from the joint fit.
 static void two_stages(kn_document *d, const kn_identification *w)
 {
     kn_document_section(d, "The first paper's two-stage method");

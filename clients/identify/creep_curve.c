@@ -58,7 +58,7 @@ static void find_steps(load_steps *s, kn_curve *c)
     const double most = kn_largest_magnitude(c->count, c->load), tolerance = near_load * most;
     *s = (load_steps){0};
     for (int i = 0; i < c->count;) {
-        // A reading whose load the next reading does not confirm belongs to no step.
+        // If the next reading does not confirm the load of a reading, the reading belongs to no step.
         if (!confirmed(c->count, c->load, i, tolerance)) {
             c->value[i++] = NAN;
             s->between++;
@@ -395,8 +395,8 @@ static double mean(const double *value, int count)
     return sum / count;
 }
 
-// Compute the strain from the height. The initial height comes from a note or an option. Without both it is the mean
-// height before the load, or the first height if no reading was taken before the load.
+// Compute the strain from the height. The initial height comes from a note or an option. If neither gives it, the
+// initial height is the mean height before the load, or the first height if no reading was taken before the load.
 static int height_to_strain(kn_curve_file *f, kn_curve *c, int unloaded, int column)
 {
     for (int i = 0; i < c->count; i++)
@@ -582,7 +582,7 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
                      next = largest(s, key, end, kn_curve_range_end(s, c->time, end));
         char part[32] = "";
         if (end < rows && (key < 0 || fabs(next - here) <= 0.01 * here)) return refuse_second(f, c, begin, end);
-        // Curves of one file are named after their loads.
+        // The curves of a file are named after their loads.
         const bool stress = key >= 0 && kn_column_unit_is(&s->column[key].heading.unit, "Pa");
         if (key >= 0 && (begin > 0 || end < rows))
             snprintf(part, sizeof part, "%.4g %s", here / (stress ? 1e3 : KN_GF_N), stress ? "kPa" : "gf");

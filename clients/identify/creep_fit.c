@@ -183,7 +183,7 @@ static void set_range(work *w, double end_strain[KN_CURVES_MAX][KN_CURVE_STEPS])
             highest = fmax(highest, fmax(first, last));
         }
     }
-    // Do not let a wrong strain, near or above 1 at the end of a load, make the least stress 0.
+    // If the strain at the end of a load is wrong and near or above 1, the least stress must not become 0.
     w->joint->lowest_pa = fmin(fmax(lowest, 1e-3 * highest), highest);
     w->joint->highest_pa = highest;
 }

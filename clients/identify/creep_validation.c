@@ -309,7 +309,7 @@ int kn_creep_validation(kn_document *d, const kn_identification *w)
                      "as one element, computed to a given accuracy by separate code, "
                      "and as blocks of %d x %d x %d cells in the solver of kneadd. "
                      "The edges of a lattice turn as the block gives way; the edges of a single element do not. "
-                     "So block and element differ more as the strain grows. "
+                     "So the block and the element differ more as the strain grows. "
                      "With diagonals alone a block gives way more than the element; "
                      "with gas in its cells as well, it gives way less.",
                      CELLS, CELLS, CELLS);

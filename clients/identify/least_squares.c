@@ -15,7 +15,7 @@ typedef struct search {
     int count;                   // number of free unknowns
     int number[KN_FIT_UNKNOWNS]; // indices of the free unknowns in fit->unknown[]
     int rows;                    // number of residuals: one for each reading, and one for each free unknown
-    double x[KN_FIT_UNKNOWNS];   // present place of the search, in the search's variables
+    double x[KN_FIT_UNKNOWNS];   // current point of the search, in the search's variables
     // [rows] residuals at x; the Jacobian, column by column; scratch of MINPACK. All are in one block of memory.
     double *residual, *jacobian, *spare;
     // [rows] residuals at a slightly larger and a slightly smaller value of one unknown, for difference quotients

@@ -378,7 +378,7 @@ void kn_model_comparison_verdict(const kn_model_comparison *m, char *text, size_
     }
     if (known && !noise)
         append(text, size,
-               ". The residuals of all models have runs of one sign, unlike noise: none of them is the material");
+               ". The residuals of all models have long runs of one sign, unlike noise: none of them is the material");
 }
 
 void kn_model_comparison_numbers(const kn_model_comparison_row *row, char *text, size_t size)

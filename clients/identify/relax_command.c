@@ -78,7 +78,7 @@ static void doubt(kn_identification *w)
         // Long runs of one sign mean that the model's curve has another shape than the data.
         if (k->runs > 3 && k->misfit > NUMERICS)
             kn_identify_note(w,
-                             "%s: the residuals have runs of one sign (%.2g standard deviations): "
+                             "%s: the residuals have long runs of one sign (%.2g standard deviations): "
                              "the model's curve has another shape than the data, and the intervals are too narrow",
                              name, k->runs);
         // If the strain did not rise on a straight line, the recorded strain is used, and the noise of this strain

@@ -350,7 +350,7 @@ static void verdict(const kn_sweep_fit *s, char *text, size_t size)
     size_t n = strlen(text);
     if (best->runs > 3 && best->error > 5e-4)
         snprintf(text + n, size - n,
-                 "; but the residuals have runs of one sign: "
+                 "; but the residuals have long runs of one sign: "
                  "the model's curve has another shape than the data, and the intervals are too narrow");
     n = strlen(text);
     if (s->material >= 0 && s->material != s->best)

@@ -281,7 +281,7 @@ static bool scene_hash(const char *beside, const char *name, const char *text, u
     return scene;
 }
 
-// Return true if scene is not NULL and its hash equals `logged`.
+// Return true if `scene` is not NULL and its hash equals `logged`.
 static bool is_of(const char *path, const kn_scene *scene, uint64_t logged)
 {
     uint64_t hash;
@@ -310,7 +310,7 @@ bool kn_replay_log_check(const kn_replay_def *def, const char *path, const kn_sc
 {
     const char *log = def->log_path;
     kn_replay *r = kn_replay_create(def, error, size);
-    // Each reason for a refusal has a message of its own. If the replay cannot be created, error is already set.
+    // Each reason for a refusal has a message of its own. If the replay cannot be created, `error` is already set.
     bool fit = r && !r->damage[0] && r->tally.malformed == 0 && same_scene(r, def, path, scene);
     if (r && r->damage[0]) snprintf(error, size, "%s: %s, expected a whole log of one run", log, r->damage);
     else if (r && r->tally.malformed > 0)

@@ -35,9 +35,9 @@ bool kn_replay_trace_play(kn_replay_trace *t, const kn_replay_def *def, char *er
 // Free a trace. A zeroed struct is allowed.
 void kn_replay_trace_free(kn_replay_trace *t);
 
-// Replace the time of every tick in `t` by the lesser of its times in `t` and `other`, two replays of the same run. The
-// work of a tick is the same in both replays, and a disturbance by other processes rarely hits the same tick in both.
-// On a busy machine the p90 of a single replay is a third too large. Return false when memory is short.
+// Set the time of every tick in `t` to the smaller of the times in `t` and `other`. Both must be replays of the same
+// run. The work of a tick is the same in both replays, and a disturbance by other processes rarely hits the same tick
+// in both. On a busy machine the p90 of a single replay is a third too large. Return false when memory is short.
 bool kn_replay_trace_calm(kn_replay_trace *t, const kn_replay_trace *other);
 
 typedef enum kn_replay_trace_found {

@@ -18,7 +18,7 @@
 // larger difference of the two times is divided by the larger norm of the two times.
 //
 // Judgements:
-//     right        the force error and the shape error are below 5 %, because a hand tells forces apart from 7 % on
+//     right        the force error and the shape error are below 5 %, because a hand notices differences of 7 % or more
 //                  (Pang, Tan, Durlach 1991). If the time-step error is above 5 %, the bound is the time-step error,
 //                  but 7 % at most, because no solver is to blame if a node bounces off the plate once more or less
 //     chattering   total variation / peak of the forces is more than 1.5 times that of R(dt) or R(dt/2), whichever is

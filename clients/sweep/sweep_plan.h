@@ -106,7 +106,7 @@ typedef struct kn_tradeoff_options {
     const char *sets[KN_TRADEOFF_SETS];
     int set_count, jobs;
     bool quick, write;
-    // Bound [us] on the 90th percentile of the tick times of the point to choose; 0: --budget-us was not given.
+    // Upper limit [us] of the chosen point's tick times (90th percentile); 0: --budget-us was not given.
     double budget_us;
     // True: the user gave a list for an axis, so the sweep has one point for each combination of listed values.
     bool listed;

@@ -27,7 +27,7 @@ static const char help[] =
     "  --precision LIST   f32, f64\n"
     "  --iterations LIST  CG iterations in every step (default: 4,8,16)\n"
     "  --tolerance LIST   residual above which CG makes more iterations than --iterations; 0: never (default: 0).\n"
-    "                     CG makes up to three times as many, or 24 if this is larger\n"
+    "                     CG makes up to three times --iterations, or up to 24 if 24 is larger\n"
     "  --passes LIST      linearisations per step\n"
     "  --dt LIST          time steps, e.g. '1 ms,0.5 ms'\n"
     "  --spacing LIST     lattice spacings, e.g. '10 mm,5 mm'\n"
