@@ -149,7 +149,7 @@ static kn_tick_cost_part contact(const kn_model *m, int index)
     double extent_m[3];
     kn_model_def_extent(&m->def, extent_m);
     double samples = fmin(touched_m2(probe), extent_m[0] * extent_m[1]) / (h * h) * per * per;
-    snprintf(p.name, sizeof p.name, "%s %s, half pressed in: %.0f samples", shape[probe->shape], probe->name, samples);
+    snprintf(p.name, sizeof p.name, "%s %s, about %.0f samples", shape[probe->shape], probe->name, samples);
     p.once = (kn_tick_cost){samples * sizeof(kn_sample), samples * 250 * more, samples * 0.12 * more};
     p.iteration = (kn_tick_cost){samples * sizeof(kn_sample), samples * 108 * more, samples * 0.012 * more};
     return p;
