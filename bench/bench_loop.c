@@ -22,11 +22,11 @@ static const char *const classes[CLASSES] = {"touch", "falcon", "omega", "unknow
 static const char *const materials[MATERIALS] = {"dough", "clay", "jelly"};
 static const char *const tools[TOOLS] = {"ball", "box", "two balls", "plate, rigid"};
 static const char *const motions[] = {"lean", "press", "tap", "slide"};
-static const double apart_m = 0.0125; // distance of the two balls from the middle
+static const double apart_m = 0.0125; // distance of each ball from the middle of the object, m
 
 // --- object ---------------------------------------------------------------------------------------------------------
 
-typedef struct block { // object of a closed loop: the lattice under one tool or two, and the second hand's device
+typedef struct block { // object of a closed loop: a lattice under one tool or two, and the device of the second hand
     kn_model *model;
     kn_state *state;
     kn_input input;
@@ -129,14 +129,14 @@ static double touch(void *self, const double position_m[3], const double velocit
 // --- grid -----------------------------------------------------------------------------------------------------------
 
 typedef struct tally {
-    // Number of runs of one tool, of runs that buzz, and of runs in which one stroke gave the hand more than 1 mJ
-    // (gave).
+    // runs: number of runs of one tool. buzzes: number of runs that buzz. gave: number of runs in which one stroke gave
+    // the hand more than 1 mJ.
     int runs, buzzes, gave;
     // Largest values of all runs. loudest_n: rms force above 10 Hz. floors: rms force above 10 Hz of a lean or a press,
     // divided by the resolution of the force. returned_j: energy given to the hand in one stroke. turns: number of
     // reversals of the force, per stroke of a tap or per second of a slide.
     double loudest_n, floors, returned_j, turns;
-    char worst[80]; // name of the loudest run that buzzes; if no run buzzes, of the loudest run
+    char worst[80]; // name of the loudest run that buzzes, or of the loudest run if none buzzes
     double worst_n;
 } tally;
 
@@ -182,7 +182,8 @@ static void run(tally *t, const kn_device_def *device, const char *material, boo
     char what[80];
     snprintf(what, sizeof what, "%s, %s, %s hand on %s, %d ms", motions[motion], device->name, kn_grip_name(grip),
              material, trip_ms);
-    // The second hand makes two strokes in a run, so its force may reverse twice as often.
+    // KN_HAPTIC_LOOP_TURNS is the limit for one stroke. The second hand makes two strokes in a run, so its limit is
+    // twice as high.
     bool other_buzzes = b.two && b.turns.count > 2 * KN_HAPTIC_LOOP_TURNS;
     add(t, &r, r.buzzes || other_buzzes || b.diverged, motion, what);
     block_close(&b);
@@ -211,7 +212,8 @@ static bool grid_of(int tool, bool quick)
 
 // --- stiffness ------------------------------------------------------------------------------------------------------
 
-// Press down at 1 mm/s from the depth from_m to the depth to_m, wait at least 2 s, and return the vertical force, N.
+// Press the tool down at 1 mm/s, from the depth from_m to the depth to_m. Wait at least 2 s and return the vertical
+// force, N.
 static double settled(block *b, double from_m, double to_m)
 {
     double f[3] = {0}, way_m = 0;

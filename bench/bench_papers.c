@@ -11,7 +11,8 @@
 #define PICTURE_WIDTH 800
 #define PICTURE_HEIGHT 560
 #define CELLS_EVERY 20 // number of steps between two checks of the cells' volumes
-// Number of steps over which the force is a median. When the plate catches a node, the force of one step jumps.
+// Number of steps over which the median of the force is taken. The median removes the jump of the force in the single
+// step in which the plate catches a node.
 #define CATCH 3
 
 typedef struct options {
@@ -27,12 +28,13 @@ typedef struct measures {
     // peak_n: largest force. dip_n: largest decrease of the force while the tool goes down. end_n: force at the end of
     // the hold.
     double peak_n, dip_n, end_n;
-    // At the end of the hold. bulge_m: outward motion of the sides along x and y. volume_share: change of the volume,
-    // relative to the volume at rest.
+    // Values at the end of the hold. bulge_m: outward motion of the sides along x and y. volume_share: change of the
+    // volume, divided by the volume at rest.
     double bulge_m[2], volume_share;
     double least_cell;        // smallest volume of a cell at any time, relative to the cell's volume at rest
     double pressed_m, left_m; // depth of the dent at the end of the hold, and at the end of the experiment
-    // Displacement of all nodes (root of the sum of squares) at the end, relative to that at the end of the hold.
+    // Displacement of all nodes (root of the sum of squares) at the end of the experiment, divided by the displacement
+    // at the end of the hold.
     double left_share;
     double sag;        // mean descent of the top at the end, relative to the object's height
     double iterations; // mean number of solver iterations per step
@@ -137,7 +139,7 @@ static void write_profile(const experiment *x)
     const kn_grid *g = &m->grid;
     for (int iz = 0; !m->def.mesh && iz < g->n[2]; iz++) {
         double sum[2] = {0}, at[3];
-        // The middle plane has a row of nodes, or lies between two rows, of which the mean is taken.
+        // If no row of nodes lies on the middle plane, take the mean of the two rows next to the plane.
         int first = (g->n[1] - 1) / 2, last = g->n[1] / 2;
         for (int iy = first; iy <= last; iy++) {
             int node = kn_grid_node(g, g->n[0] - 1, iy, iz);
@@ -207,7 +209,7 @@ static void draw(const experiment *x, const char *moment, const kn_input *in)
 // ---- the experiment
 
 // Shear the object sideways: each node moves along x by `share` of its height. A lattice without diagonals does not
-// resist shear, but an upright one does not begin to fall by itself.
+// resist shear, but without this displacement it would stay upright.
 static void lean(experiment *x, double share)
 {
     bool wide = x->model->def.solver.precision == KN_PRECISION_F64;
@@ -255,8 +257,8 @@ static void close_experiment(experiment *x)
 }
 
 // Return the input of the step that ends at time t: the plate's position at the beginning of the step, and its mean
-// velocity during the step. The function press_input of tests/physics/press.h is similar, but takes the first node of
-// the top for the highest one.
+// velocity during the step. The function press_input of tests/physics/press.h is similar, but assumes that the first
+// node of the top is the highest one.
 static kn_input input_at(const experiment *x, double t)
 {
     kn_input in = {0};
@@ -346,7 +348,7 @@ static const char usage[] =
     "usage: bench_papers SCENE [OPTION]...      run one experiment of bench/papers\n"
     "  --set KEY=VALUE   set a key of the scene\n"
     "  --depth M         press the first probe M metres deep, at 1 cm/s (default: 0, no press)\n"
-    "  --hold S          hold the probe at this depth for S seconds; without --depth: let it sag for S seconds\n"
+    "  --hold S          hold the probe at this depth for S seconds; without --depth: let the object sag\n"
     "  --rest S          after --hold, withdraw the probe and go on for S seconds\n"
     "  --lean SHARE      let the object lean to the side at the start, by SHARE of its height\n"
     "  --prefix PATH     write PATH.csv and PATH-profile.csv\n"

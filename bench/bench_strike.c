@@ -30,7 +30,8 @@
 #define STIR_M 5e-3 // depth of the stirring, and radius of its circle, m
 #define AIR_M 2e-3
 #define ROUNDS 3
-// WARM: number of ticks in the air before a stroke, in which the tool engages and its gain rises to 1.
+// WARM: number of ticks that the tool spends in the air before a stroke. In this time the tool engages and its gain
+// rises to 1.
 enum { WARM = 450, TICKS = 2500 };
 
 static const struct stroke {
@@ -43,8 +44,8 @@ enum { STROKES = sizeof strokes / sizeof *strokes };
 typedef struct track { // ticks of one stroke
     int ticks;
     double force_n[TICKS][3], us[TICKS];
-    double off_n[TICKS]; // error of the force in each capped tick, N
-    bool capped[TICKS];
+    double off_n[TICKS]; // error of the force, N; computed for capped ticks only
+    bool capped[TICKS];  // true: the solver reached its iteration limit or its deadline in this tick
 } track;
 
 typedef struct tally { // results of one tool over all its strokes
@@ -188,8 +189,8 @@ static void load(kn_served_object *on, const char *path, const char *const *sets
 }
 
 // Play all strokes of every tool in a scene, and print one row per tool. Return the number of ticks that took longer
-// than 1 ms. finer: true: use a spacing of 2.5 mm, and run no reference model. units: deadline of a step in units of
-// the solver's work; 0: no deadline; -1: compute the deadline as kneadd does.
+// than 1 ms. If `finer` is true, use a spacing of 2.5 mm and run no reference model. units: deadline of a step, in
+// units of the solver's work; 0: no deadline; -1: the deadline that kneadd would use.
 static int strike(const char *path, bool finer, int64_t units)
 {
     static track t, exact;

@@ -112,7 +112,7 @@ static int parse(int argc, char **argv, options *o)
         case 'o': o->only = optarg; break;
         case 'n': {
             long n = strtol(optarg, &end, 10);
-            if (*end || n < 1 || n > INT_MAX) return bad("--nodes", optarg, "a whole number from 1 on");
+            if (*end || n < 1 || n > INT_MAX) return bad("--nodes", optarg, "a positive whole number");
             o->tables.nodes_max = (int)n;
             break;
         }
@@ -138,7 +138,7 @@ int main(int argc, char **argv)
     puts("# What a step costs\n\n```");
     print_machine();
     puts("block     5 x 5 x 3 cm of dough, 1 cm x 5 cm plate, 1 cm/s to 1 cm, held 0.5 s, withdrawn; 1 ms steps\n"
-         "time      processor time of the thread; of each tick the smallest of several rounds, in turns\n```\n");
+         "time      processor time of the thread: for each tick, the smallest time in several rounds\n```\n");
     ceilings c = ceilings_measure();
     if (wanted(o.only, "ceilings")) table_ceilings(&c);
     if (wanted(o.only, "lattices")) table_lattices(&c, &o.tables);

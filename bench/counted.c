@@ -1,4 +1,5 @@
-// Loops of a step that count their operations (throughput.h). Compiled once per precision, as core/solve/kernel_grid.c.
+// Loops of a step that count their operations (throughput.h). This file is compiled once for each precision, like
+// core/solve/kernel_grid.c.
 #define KN_KERNEL_BASE 1
 #include "core/solve/lanes.h"
 

@@ -11,8 +11,8 @@
 // Measured limits of one core of this machine: fused multiply-adds in registers, and reading from caches and memory.
 //
 // Twelve independent chains of multiply-adds keep both arithmetic pipes of any x86 busy (2 pipes x 4 cycles). Reading
-// adds up eight streams of data. Each number is the best of 8 rounds, each of some milliseconds of the thread's
-// processor time.
+// adds up eight streams of data. Each number is the best of 8 rounds. A round takes some
+// milliseconds of the thread's processor time.
 
 enum { CEILING_256, CEILING_512, CEILING_WIDTHS }; // vectors of 256 and of 512 bits
 enum { CEILING_L1, CEILING_L2, CEILING_L3, CEILING_MEMORY, CEILING_LEVELS };
@@ -62,9 +62,9 @@ void counted_step_f64(kn_model *model, kn_state *state, const kn_input *input, c
 //
 // A runner repeats its ticks in every round, from identical states, so a tick does the same work in every round.
 // Runners take turns every 20 ticks, so that all of them meet the same load from other programs. Times are processor
-// times of the thread, and for each tick the smallest time of all rounds counts. The rounds begin their turns at
-// different ticks, because the first tick of a turn also pays for caches that the previous runner has filled. The
-// smallest time is the cost of the step.
+// times of the thread. The cost of a tick is its smallest time in all rounds, because other programs can only make a
+// tick slower. The first tick of a turn is slower, too, because the previous runner has filled the caches with its own
+// data. So each round begins its turns at different ticks.
 
 typedef kn_input hand_fn(const kn_model *model, double t_s); // returns the input of the step that ends at the time t_s
 
@@ -86,9 +86,9 @@ void turns_run(runner *runners, int count, int ticks, int rounds);
 summary turns_summary(const runner *r, int ticks);
 void turns_free(runner *runners, int count);
 
-// Return a runner of knead's step. Each round starts from a copy of `start`, or from the object at rest if `start` is
-// NULL, at the tick `from` of the hand's motion. `start` may come from a model with another instruction set or number
-// of iterations. Lattice, law and precision must be those of `def`.
+// Return a runner of knead's step. Each round starts at the tick `from` of the hand's motion. The object starts in a
+// copy of the state `start`, or at rest if `start` is NULL. `start` may come from a model with another instruction set
+// or number of iterations, but lattice, law and precision must be those of `def`.
 runner turns_knead(const kn_model_def *def, hand_fn *hand, const kn_state *start, int from);
 const kn_model *turns_model(const runner *r);
 void turns_destroy(runner *r); // frees a runner made by turns_knead

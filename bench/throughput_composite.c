@@ -1,6 +1,6 @@
-// Table of blocks with two resolutions, compared with a block that is fine everywhere. The cases are the scene
-// dough-fine.yaml, pressed at places that its tools can reach, and a strip across the whole block, which needs more
-// fine nodes than a spatula.
+// Table of blocks with two resolutions, compared with a block that is fine everywhere. In most cases, tools press the
+// scene dough-fine.yaml at places that they can reach. In the last case, the tool is a plate across the whole block,
+// which needs more fine nodes than a spatula.
 #include "bench/throughput.h"
 #include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
@@ -98,9 +98,9 @@ static kn_model_def strip_of(kn_model_def def)
 void table_composite(const throughput_options *o)
 {
     static const place places[] = {{"spatula in the middle", 0, {0, 0}, 0.004},
-                                   {"spatula in reach's corner", 0, {0.003, -0.003}, 0.004},
-                                   {"spatula off the lattice", 0, {-0.0017, 0.0011}, 0.004},
-                                   {"fingertip in reach's corner", 1, {0.003, 0.003}, 0.003}};
+                                   {"spatula, corner of reach", 0, {0.003, -0.003}, 0.004},
+                                   {"spatula between the nodes", 0, {-0.0017, 0.0011}, 0.004},
+                                   {"fingertip, corner of reach", 1, {0.003, 0.003}, 0.003}};
     static const place strip = {"strip, 1 cm x 4.5 cm", 0, {0, 0}, 0.006};
     char error[256];
     kn_scene *scene = kn_scene_load(KN_SOURCE_DIR "/core/scenes/dough-fine.yaml", NULL, 0, error, sizeof error);
@@ -111,9 +111,9 @@ void table_composite(const throughput_options *o)
         return;
     }
     printf(
-        "dough-fine.yaml compared with a lattice of this block that is fine everywhere (columns `of`). Times are\n"
-        "means over the press. Errors are relative L2: of the force over all ticks, and of the shape at the end at\n"
-        "all nodes of the fine lattice. The fine box is that of the scene's rule, not chosen for these presses.\n\n"
+        "dough-fine.yaml compared with a block that is fine everywhere: a column `of` shows the number of the fine\n"
+        "block. Times are means over the press. Errors are relative L2 errors: `force` over all ticks, `shape` over\n"
+        "all nodes of the fine block at the end. The box of fine cells follows the scene's rule for all presses.\n\n"
         "| press                      | nodes | of    | its   | of    | us     | of     | ratio | force%% | shape%% |\n"
         "|----------------------------|------:|------:|------:|------:|-------:|-------:|------:|-------:|-------:|\n");
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) row(&places[i], &scene->model, o);

@@ -39,7 +39,8 @@ static void measure_errors(const kn_model_def *def)
     run_free(&reference);
 }
 
-// Print the error that the time step causes: of a converged run with steps of 1 ms, against one with steps of 1/16 ms.
+// Print the error that the time step causes: the difference between two converged runs, one with steps of 1 ms and one
+// with steps of 1/16 ms.
 static void print_time_step_error(void)
 {
     kn_model_def def = converged(press_def(1));
@@ -47,7 +48,7 @@ static void print_time_step_error(void)
     def.solver.dt_s = 1e-3 / 16;
     run fine = press_run(&def, &path, SECONDS, 1e-3);
     double force = 100 * force_error(&coarse, &fine), shape = 100 * shape_error(&coarse, &fine);
-    printf("\nError of a time step of 1 ms (144 nodes, against 1/16 ms): force %.3f %%, shape %.3f %%.\n", force,
+    printf("\nError of a time step of 1 ms (144 nodes, compared with 1/16 ms): force %.3f %%, shape %.3f %%.\n", force,
            shape);
     note("errors", "step 1 ms", "", "force_percent", force);
     note("errors", "step 1 ms", "", "shape_percent", shape);

@@ -50,8 +50,8 @@ static void measure(int per_cm, const throughput_options *o)
 void table_integers(const throughput_options *o)
 {
     puts(
-        "\nIntegers: a step of core/fixed.h on one core, with two passes of eight iterations, beside the default step\n"
-        "in f32. Clock cycles of a tick of the circuit with 16 nodes under a plate, and its time in us at clock\n"
+        "\nIntegers: a step of core/fixed.h on one core, with two passes of eight iterations, and the default step in\n"
+        "f32. Clock cycles of a tick of the circuit with 16 nodes under a plate, and its time in us at clock\n"
         "frequencies that are assumed, not measured: 100 MHz for an ECP5, 150 MHz for an Artix-7, 300 MHz for an\n"
         "UltraScale+. The memories of the synthesized circuit hold 1024 nodes.\n");
     puts("| nodes | edges | f32 us   | fixed us | clocks   | at 100 |    150 |    300 |");

@@ -123,12 +123,12 @@ static void print_apart(const ceilings *c, const measured *m)
     note("lattices", m->object, kernel, "iteration_bandwidth_percent", 100 * gb_s / most);
 }
 
-// Print the counted work of the largest lattice. Smaller lattices have more nodes at the surface in proportion, and
-// these have fewer edges.
+// Print the counted work of the largest lattice. Smaller lattices give other numbers, because a larger share of their
+// nodes lies at the surface, where nodes have fewer edges.
 static void print_work(const measured *m, int count)
 {
     printf("\nOperations, flops and bytes per lane, with %d nodes:", m->nodes);
-    for (int i = 0; i < count && i < 2; i++) // one entry per precision
+    for (int i = 0; i < count && i < 2; i++) // one part of the line for f32, one for f64
         printf(" %s edge pass %.0f, %.0f, %.0f, iteration %.0f, %.0f, %.0f%s",
                m[i].def.solver.precision ? "f64" : "f32", m[i].edge.operations / m[i].lanes,
                m[i].edge.flops / m[i].lanes, m[i].edge.bytes / m[i].lanes, m[i].iteration.operations / m[i].lanes,
@@ -196,13 +196,13 @@ void table_lattices(const ceilings *c, const throughput_options *o)
         lattice_count++;
     }
     if (lattice_count == 0 || count[0] == 0) {
-        puts("\nNo lattice was measured: this processor has no AVX2, or --nodes leaves none.");
+        puts("\nNo lattice was measured: this processor has no AVX2, or --nodes excludes every lattice.");
         return;
     }
     puts(
         "\nParts of a step: the edge pass with all other work done once per step, and one iteration. Times in ns per\n"
-        "node, per lane (with padding) and per edge; pipe%: rate of arithmetic operations, in % of the ceiling; GB/s:\n"
-        "the state, read once per loop.\n");
+        "node, per lane (with padding) and per edge. pipe%: rate of arithmetic operations, in % of the ceiling. GB/s:\n"
+        "rate at which the loops touch the state; each loop counts a byte once.\n");
     puts("| nodes | kernel     |edge us|ns/node|ns/lane|pipe%|"
          "iter us|/node |/lane | /edge |pipe%|Gfl/s | GB/s | of       % |");
     puts("|------:|------------|------:|------:|------:|----:|"

@@ -85,8 +85,8 @@ void table_nets(const throughput_options *o)
                   net_of("disc.msh", shipped("disc.msh")),
                   net_of("bcc 5 mm", bcc_block((const int[3]){10, 10, 6}, 0.005)),
                   net_of("bcc 2.5mm", bcc_block((const int[3]){20, 20, 12}, 0.0025))};
-    puts("\nNets of tetrahedra (disc.msh: of triangles) under the press of the blocks: edge pass, iteration, and a\n"
-         "step with the default settings in the first 0.7 s of the press.\n");
+    puts("\nNets of tetrahedra (disc.msh: of triangles), pressed like the blocks. Times of the edge pass, of an\n"
+         "iteration, and of a step with the default settings in the first 0.7 s of the press.\n");
     puts("| net       | nodes | edges | kernel     | "
          "edge us| /node | /edge | iter us| /node | /edge | its   | median us|");
     puts("|-----------|------:|------:|------------|"
@@ -139,7 +139,7 @@ static void list_features(feature f[FEATURES])
     f[EXPONENTIAL].name = "+ damper, c2 exponential";
     f[EXPONENTIAL].def.material = dough;
     f[STROKE] = f[EXPONENTIAL];
-    f[STROKE].name = "  + a stroke for it";
+    f[STROKE].name = "  + stops of this damper";
     f[STROKE].over = EXPONENTIAL;
     f[STROKE].def.material.ratio = 0.5;
     f[STROKE].def.material.stroke[0] = 0.4, f[STROKE].def.material.stroke[1] = 0.6;

@@ -145,8 +145,8 @@ static double our_peak(const kn_model_def *def)
 
 void table_peer(const throughput_options *o)
 {
-    static const char *const name[PEERS] = {"knead, the dough's whole law", "knead, Voigt part alone",
-                                            "Bullet, elastic, 2 x 0.5 ms", "Bullet, damped any way",
+    static const char *const name[PEERS] = {"knead, whole material law", "knead, Voigt part alone",
+                                            "Bullet, elastic, 2 x 0.5 ms", "Bullet, damped in 3 directions",
                                             "Bullet, damped along the links"};
     kn_model_def dough_def = press_def(2), voigt = voigt_def();
     kn_model *model = build(&voigt);
@@ -157,11 +157,10 @@ void table_peer(const throughput_options *o)
                        rival_runner(&rivals[2], model, tau_s, true, 1)};
     const double peaks[2] = {our_peak(&dough_def), our_peak(&voigt)};
     turns_run(r, PEERS, PEER_TICKS, o->quick ? 1 : 3);
-    printf(
-        "\n%s's deformable body as the same block: %d nodes, %d links, all with a stiffness of %.1f N/m and a damping\n"
-        "of %.2f s times this stiffness. The first 0.3 s of the press, in ticks of 1 ms. knead has its default\n"
-        "settings; peak: largest force.\n\n",
-        peer_name, rivals[0].block.node_count, rivals[0].block.link_count, rivals[0].block.stiffness_n_m, tau_s);
+    printf("\n%s's deformable body as a model of this block: %d nodes and %d links. Each link has a stiffness of\n"
+           "%.1f N/m and a damping of %.2f s times this stiffness. The first 0.3 s of the press, in ticks of 1 ms.\n"
+           "knead has its default settings. peak: largest force.\n\n",
+           peer_name, rivals[0].block.node_count, rivals[0].block.link_count, rivals[0].block.stiffness_n_m, tau_s);
     puts("|                                | us     | of knead's law | peak N  | aim >= 10x |");
     puts("|--------------------------------|-------:|---------------:|--------:|-----------:|");
     double ours = 0;
@@ -184,7 +183,6 @@ void table_peer(const throughput_options *o)
 void table_peer(const throughput_options *o)
 {
     (void)o;
-    puts(
-        "\nNo comparison with Bullet: it was missing when this program was built (apt-get install libbullet-dev g++).");
+    puts("\nNo comparison with Bullet: libbullet-dev or g++ was missing when this program was built.");
 }
 #endif

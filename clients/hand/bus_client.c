@@ -16,7 +16,8 @@
 #define DATAGRAM_MAX 65536     // largest size of a datagram, bytes; limit of UDP
 #define BUFFER_BYTES (4 << 20) // size of the receive buffer, bytes; holds the mesh messages of 1 s
 #define HELLO_NS 50000000      // interval of hello messages while the life (present run) of kneadd is not known, ns
-// Time without an authentic and fresh message after which a hello message asks again for the life of kneadd, ns.
+// Time without an authentic and fresh message, ns. After this time, a hello message asks kneadd again for the number of
+// its life (present run).
 #define SILENCE_NS 250000000
 #define NONCE_NS 1000000000 // longest wait for the answer to a hello, ns; after that a new nonce is used
 #define LAG_US 200          // largest amount by which one message reduces the estimated age of kneadd, us
@@ -67,7 +68,8 @@ static struct {
     _Atomic int64_t believed_ns; // time at which the last accepted message arrived
     _Atomic int64_t asked_ns;    // time at which the present nonce was created
     _Atomic int64_t said_ns;     // time at which the last hello message was sent
-    // Times of the last message without a valid tag, and of the last message with a valid tag that was not fresh.
+    // forged_ns: time of the last message without a valid tag. old_ns: time of the last message that had a valid tag
+    // but was not fresh.
     _Atomic int64_t forged_ns, old_ns;
 } own;
 
@@ -434,8 +436,8 @@ void kn_bus_client_send(kn_bus_client *j, const char *channel, uint8_t *bytes, i
 {
     int64_t life = atomic_load(&own.life);
     say_hello(j);
-    // kneadd refuses a message whose stamp does not have its present life. Thus send nothing while the life is not
-    // known.
+    // kneadd accepts a message only if the stamp has the number of kneadd's present life. Send nothing while this
+    // number is not known.
     if (signs(j) && (life == 0 || own.mute)) return;
     if (signs(j)) {
         kn_auth_stamp stamp = {life, now_us() + atomic_load(&own.ahead_us)};

@@ -19,7 +19,7 @@
 #include <stdint.h>
 
 #define KN_FORCE_URL "udpm://239.255.76.67:7667?ttl=0" // poses, forces, scene, events, status
-// URL of a queue in memory that replaces the bus, for tests that pass the messages on by themselves (tests/rig.h).
+// URL of a queue in memory that replaces the bus. For tests, which pass the messages on themselves (tests/rig.h).
 #define KN_MEMORY_URL "memq://"
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
 // Largest size of a message that is sent in parts, bytes. A mesh of 2^20 triangles needs 12 MiB.
@@ -65,7 +65,7 @@ int kn_bus_client_fd(const kn_bus_client *join);
 // set, nothing is sent until the present life of kneadd is known.
 void kn_bus_client_send(kn_bus_client *join, const char *channel, uint8_t *bytes, int size);
 
-// Return the reason why no message has been believed recently, or `otherwise` if no reason is known.
+// Return the reason why no message has been accepted recently, or `otherwise` if no reason is known.
 const char *kn_bus_client_why(const char *otherwise);
 
 // Return the message queue in memory of a connection that was opened with KN_MEMORY_URL.

@@ -86,7 +86,8 @@ static void take_up(kn_closed_loop_hand *g, const kn_tool_path_point *point)
     arm.axes = g->def.axes;
     arm.grip = g->def.grip;
     if (arm.grip == KN_GRIP_NONE) arm.axes = 1; // a device that nobody holds would move away sideways
-    // With grip NONE, a normal grip holds the device until the tool first touches the object (function let_go).
+    // A device that nobody holds cannot reach the object. So even with grip NONE, a normal grip holds the device until
+    // the tool first touches the object (function let_go).
     if (arm.grip == KN_GRIP_NONE) arm.grip = KN_GRIP_NORMAL;
     kn_held_device_init(&g->arm, &arm, point->position_m);
     judge_afresh(g);
@@ -116,9 +117,9 @@ static void let_go(kn_closed_loop_hand *g, const kn_tool_path_point *intended)
     if (g->alone) memset(g->arm.hand_m_s, 0, sizeof g->arm.hand_m_s);
 }
 
-// Run the output stage for one millisecond: give it the force message that has arrived, and compute the force of the
-// motors for this pose. The device sends one pose per millisecond, so the round trip in ms is a difference of pose
-// numbers. It is taken from the first force that answers a pose: number of the newest pose minus number of the answered
+// Run the output stage for one millisecond: pass on the force message that has arrived, and compute the force of the
+// motors for this pose. The device sends one pose per millisecond, so the round trip in ms is the number of the newest
+// pose minus the number of the pose that the force answers. Measure the round trip with the first force that answers a
 // pose.
 static void render(kn_closed_loop_hand *g, const kn_hand_force *force, const kn_hand_out *out)
 {
@@ -159,7 +160,8 @@ kn_hand_out kn_closed_loop_hand_tick(void *self, const kn_hand_force *force, int
         g->holding &= g->player->hand.mode != KN_HAND_SILENT;
         return out;
     }
-    // The path is the intended motion. The position of the simulated device becomes the pose.
+    // The path gives the motion that the hand intends. Send the position of the simulated device as the pose, not the
+    // point of the path.
     kn_tool_path_point intended = out.point;
     if (!g->holding) take_up(g, &intended);
     if (g->def.grip == KN_GRIP_NONE) let_go(g, &intended);

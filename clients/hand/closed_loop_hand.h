@@ -55,7 +55,7 @@ typedef struct kn_closed_loop_hand {
     bool came[KN_CLOSED_LOOP_HAND_WAY];
     int64_t ms;
     uint64_t dice;
-    bool holding;    // true: the hand holds the simulated device; false: it takes the device at the next pose
+    bool holding;    // true: the hand holds the simulated device; false: the hand grips the device at the next pose
     bool alone;      // true: with grip NONE, the simulated hand has let go of the device
     double left_z_m; // height z at which the hand let go of the device, m
     kn_buzz buzz;

@@ -174,8 +174,8 @@ double kn_turns_hysteresis_n(double resolution_n) { return 2.0 * (1.5 * resoluti
 
 void kn_turns_add(kn_turns *t, double value)
 {
-    // `gone` is the distance of the signal from its extreme value since the last reversal. If the signal moves on in
-    // its direction, update the extreme value.
+    // Let `gone` be the difference between the signal and its extreme value since the last reversal. If the signal
+    // moves on in its direction, update the extreme value.
     double gone = value - t->extreme;
     if (t->up * gone > 0.0 || (t->up == 0 && t->hysteresis > fabs(gone))) {
         if (t->up) t->extreme = value;
@@ -343,7 +343,7 @@ double kn_lattice_object_touch(void *self, const double position_m[3], const dou
     return -1.0;
 }
 
-// The smallest valid scene. It is parsed only to read its device; its model is never built.
+// The smallest valid scene. Only the device of this scene is used; its model is never built.
 static const char scene_text[] = "version: 1\nobject: {size: [1 cm, 1 cm, 1 cm], spacing: 1 cm}\nmaterial: jelly\n"
                                  "support: bonded\n";
 
@@ -374,7 +374,8 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
 static const double period_s = 1e-3;
 static const double lean_n = 1.0, press_n = 2.0, clear_m = 2e-3, tap_m = 0.01, tap_hz = 2.0;
 static const double slide_m = 0.02, slide_m_s = 0.01, slide_from_s = 2.0, ramp_s = 0.05;
-static const double unseen_m = 2e-6; // rms position that does not count as a buzz even with an exact encoder, m
+// Rms position above 10 Hz that is no buzz yet, added to the limit from the encoder's step, m.
+static const double unseen_m = 2e-6;
 
 // Stiffness of the springs of arm and grip in series, N/m. To press with a force against a wall, the intended path must
 // go force / stiffness deeper than the wall.

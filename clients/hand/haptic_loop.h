@@ -78,8 +78,7 @@ void kn_held_device_tick(kn_held_device *arm, const double force_n[3], const dou
                          const double path_m_s[3]);
 
 // Return the resolution of the force of a virtual coupling, N: the change of the force when the encoder reading changes
-// by one step. It is this step times the stiffness, plus the velocity that is measured from the step, times the
-// damping.
+// by one step. Such a step also changes the measured velocity, so the coupling's spring and its damper both contribute.
 double kn_held_device_resolution_n(const kn_held_device *arm, const kn_coupling *coupling);
 
 const char *kn_grip_name(kn_grip grip); // name of the grip: "none", "light", "normal" or "firm"
@@ -210,8 +209,8 @@ void kn_lattice_object_close(kn_lattice_object *slab);
 // stored in the lattice is not known. The function has the type kn_haptic_loop_object. slab: a kn_lattice_object.
 double kn_lattice_object_touch(void *slab, const double position_m[3], const double velocity_m_s[3], double force_n[3]);
 
-// Reader of a device profile without a scene. Sets (`device.KEY=VALUE` texts of --set) can override the profile's
-// values.
+// Reader of a device profile without a scene. The texts `device.KEY=VALUE` of the option --set can replace values of
+// the profile.
 
 // Load a device profile, apply the texts of --set in `sets`, and write the result to `device`. name: name of the
 // profile, or path of its file. Return 0, or print an error message that begins with the name of the subcommand and

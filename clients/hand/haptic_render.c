@@ -6,13 +6,14 @@
 // Smallest stiffness of the coupling from which the energy reservoir of the passivity controller is computed, N/m.
 static const double lightest_n_m = 100.0;
 static const double fade_s = 0.017; // time in which the force fades to 0 after a stop of the rendering
-// Time since the last new force after which a watchdog fades the force: the watchdogs hold it for 3 ticks of 1 ms.
+// Time without a new force after which a watchdog fades the force, s. The watchdogs hold a force for 3 ticks of 1 ms.
 static const double hold_s = 3.5e-3;
-// Largest change of the force per ms while a watchdog fades the force. If the fade from the force limit is steeper,
-// this steeper change is allowed; see core/safety.h.
+// Largest change of the force per ms while a watchdog fades the force. Only the fade of a high force limit may be
+// steeper; see core/safety.h.
 static const double slope_n_per_ms = 0.5;
 static const double smoothing = 0.01; // weight of a newly measured round trip in the smoothed round trip
-// Longest time between two calls that counts. After a longer time, the force of the local model has faded anyway.
+// If more time than this has passed since the last call, only this time is used, s. By then, the force of the local
+// model has faded anyway.
 static const double longest_s = 0.05;
 static const double step_s = 0.01; // longest time step of the local model
 // Force limit of the local model, N. It is so high that a wild force reaches the impulse guard, which then trips.
@@ -101,7 +102,7 @@ bool kn_haptic_render_force(kn_haptic_render *r, const double scene_n[3], double
     // If this force is the first answer to its pose, update the smoothed round trip with the time since that pose was
     // sent.
     if (age_s >= 0.0) r->round_trip_s += smoothing * (fmin(age_s, 1.0) - r->round_trip_s);
-    // A round trip that is too long stops the rendering of kneadd's forces, except with def.held.
+    // If the round trip is too long, stop rendering kneadd's forces. The local model and def.held prevent this stop.
     if (r->round_trip_s > KN_HAPTIC_RENDER_FAR_S && !r->def.local && !r->def.held) stop(r, KN_HAPTIC_RENDER_FAR);
     kn_device_force(&r->def.device, scene_n, r->heard_n);
     r->news = true;
@@ -130,8 +131,8 @@ static double replay(kn_haptic_render *r, double dt_s, const double position_m[3
 }
 
 // Move guarded_n towards wanted_n while a watchdog fades the force. wanted_n can change during the fade, because the
-// passivity controller acts. The fade and the change of wanted_n together must not exceed the largest slope, so the
-// change may use only the part of the slope that the fade leaves.
+// passivity controller acts. The total slope of the force must not exceed slope_n_per_ms. So limit the change towards
+// wanted_n to the difference between slope_n_per_ms and the slope of the fade.
 static void fade(kn_haptic_render *r, double dt_s, const double wanted_n[3])
 {
     double faded_n = r->def.device.force_limit_n / (1e3 * fade_s), step_n[3];
@@ -142,13 +143,13 @@ static void fade(kn_haptic_render *r, double dt_s, const double wanted_n[3])
 }
 
 // Pass wanted_n through the impulse guard. The function may be called at any rate, because the allowed change of the
-// force grows with the time since the last call. It grows up to the change that is allowed in 1 ms. If no force has
-// come for n ms, it grows up to the change of n ms, n = 3 at most, because a force may be held for 3 ms.
+// force grows with the time since the last call, up to the change that is allowed in 1 ms. A force may be held for 3
+// ms. So if no new force has come for 2 or 3 ms, the allowed change grows up to that of 2 or 3 ms.
 static void guard(kn_haptic_render *r, double dt_s, const double wanted_n[3], bool news)
 {
     r->gap_s = fmin(r->gap_s + dt_s, longest_s);
     r->tick_s = fmin(r->tick_s + dt_s, longest_s);
-    // The impulse guard counts whole milliseconds.
+    // kn_guard_age takes whole milliseconds, so keep the rest of the time in tick_s.
     kn_guard_age(&r->guard, (int)(r->tick_s * 1e3));
     r->tick_s = fmod(r->tick_s, 1e-3);
     // Compute the change of the force that is allowed in this call.
@@ -175,7 +176,8 @@ void kn_haptic_render_give(kn_haptic_render *r, double dt_s, const double positi
                            double share)
 {
     const double limit_n = r->def.device.force_limit_n;
-    // A device without mass has no passivity controller. The local model gives a new force at every call.
+    // observed: true if the passivity controller runs, which needs the mass of the device. news: true if there is a new
+    // force; the local model gives a new force at every call.
     bool observed = r->passivity.def.mass_kg > 0.0, news = r->news || r->def.local;
     // kneadd does not send the energy stored in its object. The value -1 tells the controller that it is not known.
     double wanted_n[3], stored_j = -1.0;
@@ -200,10 +202,10 @@ void kn_haptic_render_give(kn_haptic_render *r, double dt_s, const double positi
 const char *kn_haptic_render_why(kn_haptic_render_stop why)
 {
     static const char *const told[] = {
-        [KN_HAPTIC_RENDER_REFLEX] = "own impulse guard: the requested force jumped",
+        [KN_HAPTIC_RENDER_REFLEX] = "the device's own impulse guard tripped, because the requested force jumped",
         [KN_HAPTIC_RENDER_FAR] =
-            "a round trip above 5 ms: forces that old are refused; kneadd --local-model and --local "
-            "render the contact instead",
+            "a round trip above 5 ms: forces that come so late are not used; with kneadd --local-model, the option "
+            "--local renders the contact instead",
     };
     return told[why];
 }

@@ -29,7 +29,8 @@
 #include "core/safety.h"
 
 #define KN_HAPTIC_RENDER_FAR_S 5e-3 // longest smoothed round trip [s] at which kneadd's forces are given to the motors
-// Smoothed round trip [s] below which a link that was stopped for its long round trip counts as fast again.
+// If the smoothed round trip [s] falls below this value, a link that was stopped because of a long round trip (FAR)
+// counts as fast again.
 #define KN_HAPTIC_RENDER_NEAR_S 4e-3
 // Times of the watchdog with the local model, ms since kneadd's last message. The force is kept until HOLD, then it
 // fades, and from ZERO on it is zero. The watchdog may wait this long, because the force of the local model decays by

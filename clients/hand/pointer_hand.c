@@ -11,11 +11,13 @@ static const double press_m_s[2] = {0.03, 0.01};   // speed of a press into the 
 static const double stroke_m_s[2] = {0.03, 0.004}; // sideways speed in the object: of a round tool, of a flat tool
 // Speed at the first touch of the object: of a round tool, of a flat tool (see add_landing in tool_path.c).
 static const double touch_m_s[2] = {0.03, 1e-4};
-// Acceleration in the object: 0 to 1 cm/s in 50 ms, to which dough (1 kN s/m) answers with 0.2 N/ms.
+// Acceleration in the object: 0 to 1 cm/s in 50 ms. At this acceleration, the force of dough (1 kN s/m) rises by 0.2
+// N/ms.
 static const double object_m_s2 = 0.2;
 // Speed of a flat tool from its first touch until it lies flat on the object.
 static const double flushing_m_s = 5e-4;
-// Braking distance and deceleration of a flat tool above the object; the last millimetre takes one second.
+// landing_m: height above the object at which a flat tool begins to brake. landing_m_s2: deceleration of the tool below
+// this height, so that the last millimetre takes one second.
 static const double landing_m = 1e-3, landing_m_s2 = 2e-3;
 // clear_m: largest distance below the hover height at which the tool counts as lifted. there_m: largest sideways
 // distance from the goal at which the tool counts as above its goal.
@@ -52,7 +54,8 @@ static void feel(kn_pointer_hand *p, const kn_hand_force *force, int elapsed_ms)
 {
     kn_pointer_hand_news *n = &p->news;
     bool sane = force && isfinite(force->force_n[0] + force->force_n[1] + force->force_n[2]);
-    // A force counts only if it is finite, of this session, newer than the last one, and if the tool is present.
+    // Accept a force only if it is finite, belongs to this session and is newer than the last one. Accept no force
+    // while no poses are sent.
     bool fresh = sane && force->session == p->session && force->tick > p->force.tick &&
                  p->mode != KN_POINTER_HAND_ABSENT && p->mode != KN_POINTER_HAND_SILENT;
     if (fresh) p->force = *force;
@@ -105,13 +108,14 @@ static void decide(kn_pointer_hand *p)
     p->barred = (p->barred || p->wish.stale) && p->wish.pressed;
 }
 
-// Return the largest speed from which a deceleration of a_m_s2 still reaches end_m_s within way_m.
+// Return the largest speed from which the tool can brake to the speed end_m_s within the distance way_m. a_m_s2:
+// deceleration.
 static double braking(double way_m, double a_m_s2, double end_m_s)
 {
     return sqrt(end_m_s * end_m_s + 2.0 * a_m_s2 * fmax(0.0, way_m));
 }
 
-// Return a speed that is closer to `wanted` than `speed` is, but differs from `speed` by at most `most`.
+// Change `speed` towards the speed `wanted`, by `most` or less, and return the new speed.
 static double toward(double speed, double wanted, double most)
 {
     return speed + fmin(fmax(wanted - speed, -most), most);
@@ -215,7 +219,7 @@ kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish 
 }
 
 static const double hover_m = 0.004; // height of the hovering tool above the highest point of the object
-// Largest distance from the object's edge at which the tool may be beside the object.
+// When the pointer is outside the object, the tool follows it up to this distance from the object's edge.
 static const double beside_m = 0.02;
 static const double uneven_m = 2e-3; // largest unevenness of the top that a flat tool levels slowly before it presses
 // Fraction of the object's height that must remain under the tool, because thinner cells turn inside out.

@@ -24,7 +24,9 @@ typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all
     // constant depth.
     double at_m[2];
     double hover_z_m; // z of the tool at which it touches the object nowhere
-    double touch_z_m; // z at which the tool, above at_m, touches the object as the press begins; used while pressed
+    // Z at which the tool touches the object at at_m. Computed when a press begins, and used only while `pressed` is
+    // true.
+    double touch_z_m;
     double flush_z_m; // z at which a flat tool touches the object everywhere; <= touch_z_m
     double depth_m;   // wanted depth of the tool below touch_z_m, >= 0
     int32_t event;    // number of this wish, larger than that of every earlier wish; 0: no wish yet
@@ -62,9 +64,9 @@ typedef struct kn_pointer_hand {
     kn_tool_path_point point;
     int64_t session, seq;
     int mode_ms;
-    // Lowest z that the tool has reached in this press, at most touch_z_m; INFINITY: the tool is not pressing.
+    // Lowest z that the tool has reached in this press; not above touch_z_m. INFINITY: the tool is not pressing.
     double ground_m;
-    // placed: `point` has a position. barred: the tool must not press before the button is released.
+    // placed: true once `point` holds a position. barred: the tool must not press before the button is released.
     bool placed, barred;
     int32_t asked_event; // number of the wish that was sent with pose asked_seq and is not answered yet; 0: none
     int64_t asked_seq;
@@ -80,8 +82,9 @@ void kn_pointer_hand_init(kn_pointer_hand *pointer, kn_probe_shape shape, int64_
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *pointer, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
                                  int elapsed_ms);
 
-// Reach: the translation of a pointer's place in a picture into a wish for a tool. It gives the place and the height at
-// which the tool hovers, the height at which the tool would touch the object, and the largest depth of a press.
+// Reach: translates the place of the pointer in a picture into a wish for a tool. The wish contains the place and the
+// height at which the tool hovers, the height at which the tool would touch the object, and the largest depth of a
+// press.
 
 typedef struct kn_pointer_hand_reach {
     const kn_model_def *def; // model of the scene; def and tool must outlive this struct

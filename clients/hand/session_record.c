@@ -184,7 +184,7 @@ static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_for
     for (int i = 0; i < hand->tries; i++) {
         const kn_attempt *t = &hand->attempt[i];
         if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent + 1)
-            // The last pose of an attempt has the number sent + 1. It only says that the hand leaves the tool.
+            // The last pose of an attempt has the number sent + 1. It only tells kneadd that the hand leaves the tool.
             return t;
     }
     return NULL;
@@ -205,7 +205,7 @@ static void add_to_table(kn_session_report *r, const kn_hand *hand, const kn_att
     if (!t->play_seq || s < 0.0 || after) return;
     r->gain_min = fmin(r->gain_min, f->gain);
     r->given_peak_n = fmax(r->given_peak_n, sqrt(kn_dot(f->force_n, f->force_n)));
-    // Keep the last force up to the end of the hold.
+    // Overwrite this value with every force until the hold ends, so that the last force of the hold remains.
     if (s <= hand->def.path->hold_end_s) r->hold_end_n = contact_n;
     if (!f->contacts) return;
     // The contact lasts from the first to the last tick in which a contact carries load.
@@ -261,13 +261,15 @@ void kn_session_report_print(FILE *out, const kn_session_report *r, const kn_han
     }
     if (!isnan(r->hold_end_n)) fprintf(out, "  end of hold     %8.2f N\n", r->hold_end_n);
     if (!isnan(r->residual_m)) fprintf(out, "  residual depth  %8.2f mm   1 s after withdrawal\n", 1e3 * r->residual_m);
-    if (r->peak_n > clamp_n) fprintf(out, "  given to hand   %8.2f N    the device's limit\n", r->given_peak_n);
+    if (r->peak_n > clamp_n) fprintf(out, "  given to hand   %8.2f N    limited by the device\n", r->given_peak_n);
     if (r->gain_min < 1.0)
         fprintf(out, "  poses were late: the force on the hand faded to %.0f %%\n", 100.0 * r->gain_min);
     fprintf(out, "  poses sent      %8lld\n  forces received %8lld      %lld lost\n", (long long)r->sent,
             (long long)r->forces, (long long)r->lost);
-    fprintf(out, "  echoes matched  %8lld      %lld answer an older pose again; %lld forces answer another hand\n",
-            (long long)r->matched, (long long)r->stale, (long long)r->strange);
+    fprintf(
+        out,
+        "  echoes matched  %8lld      %lld of them answer an old pose again; %lld more forces answer another hand\n",
+        (long long)r->matched, (long long)r->stale, (long long)r->strange);
     fprintf(out, "  round trip      %8.2f ms   median; p99 %.2f ms\n", r->round_trip_p50_ms, r->round_trip_p99_ms);
 }
 
@@ -282,7 +284,8 @@ static int by_number(const void *a, const void *b)
 void kn_session_report_csv(FILE *out, const kn_hand *hand, const kn_session_record *record, const char *probe)
 {
     kn_rows_head(out);
-    // Sort the poses for the search below. Within an attempt they come in order, but sessions may not.
+    // Sort the poses for the binary search below. The poses of one session arrive in order, but the session numbers may
+    // not rise.
     qsort(record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);
     int64_t first_tick = record->force_count ? record->force[0].force.tick : 0;
     for (int i = 0; i < record->force_count; i++) {

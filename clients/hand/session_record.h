@@ -28,8 +28,8 @@ typedef struct kn_session_record {
     knead_probe_pose_t *pose;
     int force_count, pose_count;
     bool out_of_memory;
-    // Set by the caller before kn_session_record_start: forces and poses are written to the log only and not kept in
-    // memory.
+    // True: forces and poses are written to the log only and not kept in memory. The caller sets this field before
+    // kn_session_record_start.
     bool log_only;
     _Atomic(int64_t) logged; // number of bytes of messages written to the log so far
     atomic_bool felt;        // true: the log contains at least one force on the probe

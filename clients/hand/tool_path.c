@@ -17,7 +17,8 @@ double kn_tool_path_distance(const double a[3], const double b[3])
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-// Append a piece that starts when the previous one ends. Its end point is `from` until the caller sets `to`.
+// Append a piece that starts when the previous one ends. The piece begins and ends at the point `from`; the caller may
+// then set another end point.
 static kn_tool_path_piece *add(kn_tool_path *path, kn_tool_path_piece_kind kind, const char *name,
                                const kn_tool_path_point *from, double duration_s)
 {
@@ -54,7 +55,7 @@ static kn_tool_path_point at_height(double z_m)
     return (kn_tool_path_point){.position_m = {0, 0, z_m}, .orientation_wxyz = {1, 0, 0, 0}};
 }
 
-// Return value, or `otherwise` if value is not positive.
+// Return the argument `value` if it is positive, and the argument `otherwise` if not.
 static double or_default(double value, double otherwise) { return value > 0.0 ? value : otherwise; }
 static double hold_of(const kn_tool_path_def *def) { return def->hold_s < 0.0 ? 4.0 : def->hold_s; }
 
@@ -64,9 +65,10 @@ static kn_tool_path_point above(const kn_tool_path_def *def)
     return at_height(def->touch_z_m + or_default(def->clear_m, 0.02));
 }
 
-// Append the way down through the air to a touch at rest, and return the final point. The tool must touch at less than
-// 0.1 mm/s. Dough is as hard as a wall until it flows: in its first ms a plate meets about 2 N for each mm/s of its
-// speed, and kneadd's tool is some um away from the path.
+// Append the way down through the air until the tool rests on the object, and return the final point. The tool must
+// touch at less than 0.1 mm/s, because dough is as hard as a wall until it flows: in its first ms a plate meets about 2
+// N for each mm/s of its speed. kneadd's tool is some um away from the path, so the path must be slow even before it
+// reaches the object.
 static kn_tool_path_point add_landing(kn_tool_path *path, const kn_tool_path_def *def)
 {
     // Go fast to 1 mm above the object, take one second for the last millimetre, then stand for settling_s.

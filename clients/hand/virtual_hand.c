@@ -92,7 +92,7 @@ static void feel(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
     if (fresh) h->force = *force;
     if (fresh && (force->flags & KN_FLAG_ENGAGED)) h->engaged_n = sqrt(kn_dot(force->force_n, force->force_n));
     double factor = kn_watchdog_tick(&h->watchdog, fresh, elapsed_ms);
-    // If messages stop, the watchdog reduces the factor of the last force to zero.
+    // If messages stop, the watchdog fades the last force: `factor` falls to 0.
     for (int i = 0; i < 3; i++) h->given_n[i] = factor * h->force.force_n[i];
 }
 
@@ -162,7 +162,7 @@ kn_hand_out kn_hand_tick(kn_hand *h, const kn_hand_force *force, int elapsed_ms)
     bool end = h->mode == KN_HAND_DONE || h->mode == KN_HAND_GAVE_UP;
     // Send no pose while the hand is silent, at the end, or during the gap of the fault injection.
     if (h->mode == KN_HAND_SILENT || end || dropping(h)) return (kn_hand_out){.end = end};
-    // Advance on the path, unless the hand is still engaging: it then stays at the first point.
+    // Advance on the path. While the hand is engaging, the tool stays at the first point.
     if (h->mode != KN_HAND_ENGAGE) {
         const kn_tool_path *path = h->mode == KN_HAND_PLAY ? h->def.path : &h->way_out;
         h->piece = kn_tool_path_at(path, h->path_s, &h->point)->name;
@@ -339,7 +339,8 @@ static void *device_main(void *self)
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
     for (bool goes_on = true; goes_on && !atomic_load(&d->stop);) {
-        // Count cycles that this thread missed and report them to the hand. They are not played later.
+        // Count the cycles that this thread missed, and report their number to the hand. Missed cycles are not played
+        // later.
         int missed = kn_clock_wait(&clock).missed;
         atomic_fetch_add(&d->missed, missed);
         goes_on = kn_virtual_device_tick(d, 1 + missed);

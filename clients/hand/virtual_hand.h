@@ -164,7 +164,8 @@ typedef struct kn_hand_player {
     // The device's thread owns `hand` while it runs. Other threads may then read hand.trip[0 .. trips-1] only. After
     // the thread has ended, the caller owns `hand`.
     kn_hand hand;
-    // Record of the motor forces, if gripped is false. A closed-loop hand (closed_loop_hand.h) adds the rows itself.
+    // Record of the motor forces. If `gripped` is false, the player adds the rows; otherwise a closed-loop hand
+    // (closed_loop_hand.h) adds them.
     kn_motor_record motors;
     bool gripped; // true: the hand grips a simulated device (closed_loop_hand.h)
     // mode: a kn_hand_mode. trips: number of faults after which the hand retreated. tries: number of attempts to play
@@ -216,7 +217,7 @@ bool kn_virtual_device_start(kn_virtual_device *device, kn_virtual_device_hand *
                              const char *probe, char *error, size_t error_size);
 // Return 0 if the thread runs with SCHED_FIFO, or the errno with which the kernel refused SCHED_FIFO.
 int kn_virtual_device_priority_error(const kn_virtual_device *device);
-// Stop the thread and wait for its end. The tool stays where it is, and the session of its poses ends.
+// Stop the thread, wait for its end, and end the session of its poses. The tool stays where it is.
 void kn_virtual_device_stop(kn_virtual_device *device);
 
 // Join the message bus, play the hand and leave the bus, all in the thread of the caller. The caller calls
