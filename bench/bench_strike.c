@@ -45,7 +45,7 @@ typedef struct track { // ticks of one stroke
     int ticks;
     double force_n[TICKS][3], us[TICKS];
     double off_n[TICKS]; // error of the force, N; computed for capped ticks only
-    bool capped[TICKS];  // true: the solver reached its iteration limit or its deadline in this tick
+    bool capped[TICKS];  // true: the tick ended above the solver's tolerance
 } track;
 
 typedef struct tally { // results of one tool over all its strokes
@@ -54,7 +54,8 @@ typedef struct tally { // results of one tool over all its strokes
     const char *off_by;
 } tally;
 
-// State and input with which the last step began. The reference solver repeats a capped step from this state.
+// State and input with which the last step began. If this step is capped, the reference solver repeats it from this
+// state.
 static struct last {
     const kn_model *model;
     const kn_backend *backend, *reference;

@@ -8,7 +8,8 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-// WARM_UP: number of first pictures that are not timed, because Mesa compiles its shaders during them.
+// WARM_UP: number of pictures that are drawn before the timing starts. During these pictures, Mesa compiles its
+// shaders.
 enum { PICTURES = 60, WARM_UP = 3 };
 
 static double clock_ms(clockid_t clock) { return clock_us(clock) * 1e-3; }

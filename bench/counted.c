@@ -19,7 +19,8 @@ static void add_operations(int operations, int flops)
 
 static void touch(const real *p)
 {
-    // Index of the line. For an address below the state, the index wraps to a huge number, which is not counted.
+    // Index of the 64-byte line. An address below the state gives a huge index, because the difference wraps around;
+    // such an address is not counted.
     size_t first = (size_t)((const char *)p - line_base) / 64;
     for (size_t i = first; i < first + KN_LANES * sizeof(real) / 64; i++)
         if (i < line_count && !line[i]) {

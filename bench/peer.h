@@ -1,8 +1,8 @@
 #ifndef KN_BENCH_PEER_H
 #define KN_BENCH_PEER_H
-// The block of dough in another physics engine, which is compared with knead. The block consists of nodes and links.
-// All links have one stiffness and one damping, because other engines allow no more. A held node stands still, or moves
-// as peer_hold prescribes.
+// Block of dough in another physics engine, for a comparison with knead. The block consists of nodes and links. All
+// links have one stiffness and one damping, because other engines allow no more. A held node stands still, or moves as
+// peer_hold prescribes.
 #include <stdbool.h>
 
 #ifdef __cplusplus

@@ -99,8 +99,8 @@ void table_nets(const throughput_options *o)
 
 // --- features -------------------------------------------------------------------------------------------------------
 
-// Return the input of a press, with a load on the top that rises and falls, so that all parts of the object move. All
-// probes get the input of the first one.
+// Return the input of a press. A load on the top rises and falls at the same time, so that all parts of the object
+// move. All probes get the input of the first one.
 static kn_input feature_hand(const kn_model *model, double t_s)
 {
     kn_input in = press_hand(model, t_s);

@@ -24,7 +24,7 @@
 // Largest allowed difference between the stamp of a message and this machine's wall clock, for a listener that sends
 // nothing (KNEAD_MUTE), us.
 #define APART_US 5000000
-// Beginning of the names of channels whose messages are signed by a client and not by kneadd.
+// Prefix of the channels of poses. Their messages are signed by clients, not by kneadd.
 #define POSES "KNEAD_POSE_"
 
 // A channel to which a connection listens.
@@ -97,7 +97,7 @@ static bool take_key(char *error, size_t error_size)
     const char *key = getenv("KNEAD_KEY"), *mute = getenv("KNEAD_MUTE");
     bool muted = mute && *mute;
     if (muted && (!key || !*key || strcmp(mute, "1") != 0))
-        return snprintf(error, error_size, "KNEAD_MUTE=%s: expected 1, beside KNEAD_KEY", mute), false;
+        return snprintf(error, error_size, "KNEAD_MUTE=%s: expected 1, together with KNEAD_KEY", mute), false;
     if (!key || !*key || own.keyed) return true;
     if (!kn_auth_load(&own.auth, key, error, error_size)) return false;
     own.mute = muted;
@@ -222,7 +222,7 @@ static void say_hello(kn_bus_client *j)
                     : now_ns - said_ns >= HELLO_NS || said_ns == 0;
     if (!signs(j) || own.mute || !j->hails || !due) return;
     int64_t nonce = atomic_load(&own.nonce);
-    // Create a new nonce only if the old nonce was answered, or if no answer has come for NONCE_NS.
+    // Create a new nonce only if kneadd has answered the old nonce, or if no answer has come for NONCE_NS.
     if (nonce == 0 || now_ns - atomic_load(&own.asked_ns) > NONCE_NS) {
         nonce = kn_auth_random();
         atomic_store(&own.asked_ns, now_ns);
@@ -303,7 +303,7 @@ static bool believe(kn_bus_client *j, const char *channel, const unsigned char *
 {
     kn_auth_stamp stamp;
     if (!signs(j)) return true;
-    // Check the tag before reading any other part of the message.
+    // Check the tag first: nothing else in the message can be trusted before.
     if (!kn_auth_check(&own.auth, channel, bytes, *size, &stamp))
         return atomic_store(&own.forged_ns, kn_now_ns()), false;
     *size -= KN_AUTH_TRAILER;
@@ -404,7 +404,7 @@ static int take_waiting(kn_bus_client *j)
     int handed = 0;
     bool here;
     for (int n = 0; n < KN_BUS_CLIENT_TURN && j->fd >= 0; n++) {
-        // `here` becomes true if the datagram was sent to this bus.
+        // `here` becomes true if the datagram was sent to the address of this bus.
         ssize_t size = kn_bus_take(&j->bus, j->fd, j->datagram, sizeof j->datagram, &here);
         if (size < 0) break;
         if (here) handed += kn_bus_client_take(j, j->datagram, (size_t)size);

@@ -7,7 +7,7 @@
 //
 // If a key is set (KNEAD_KEY), the tag of a message is checked before its contents are read. A life is one run of
 // kneadd, or the run after one `load`, and a hello is the message with which a client asks for the present life. Only
-// messages of the life that answered this process's hello are believed. Each message must be newer than the last one
+// messages of the life that answered this process's hello are accepted. Each message must be newer than the last one
 // (server/auth.h).
 //
 // A message in parts (LC03) is assembled if its parts come in order. One message is assembled at a time, of at most
@@ -34,13 +34,13 @@ typedef struct kn_bus_client kn_bus_client;
 // invalid. If the check succeeds, a later failure of kn_bus_client_open is caused by the operating system.
 bool kn_bus_client_check(const char *url, const char *otherwise, char *error, size_t error_size);
 
-// Join the bus at `url`. If `url` is NULL, use LCM_DEFAULT_URL if it is set and `otherwise` is KN_FORCE_URL. Else use
-// `otherwise`, or with KNEAD_LAN the same bus on the LAN. The receive buffer is as large as the kernel allows, up to 4
-// MiB. Datagrams that overflow the buffer are lost silently. On failure return NULL with one line in error. The
-// environment can set:
+// Join the bus at `url`. If `url` is NULL, use the first of: LCM_DEFAULT_URL, if it is set and `otherwise` is
+// KN_FORCE_URL; the bus of `otherwise` on the LAN, if KNEAD_LAN is set; `otherwise`. The receive buffer is as large as
+// the kernel allows, up to 4 MiB. Datagrams that overflow the buffer are lost silently. On failure return NULL with one
+// line in error. The environment can set:
 //     KNEAD_LAN     a network interface to use instead of lo, for URLs with ttl=1 or more
-//     KNEAD_KEY     a key file (server/auth.h): messages are signed, and only fresh messages with its tag are believed
-//     KNEAD_MUTE=1  with a key: send nothing. Messages stamped within 5 s of this machine's wall clock are then fresh
+//     KNEAD_KEY     a key file (server/auth.h): sign messages; accept only fresh messages with a valid tag
+//     KNEAD_MUTE=1  with a key: send nothing; accept messages stamped within 5 s of this machine's wall clock
 kn_bus_client *kn_bus_client_open(const char *url, const char *otherwise, char *error, size_t error_size);
 // Close the connection and free it. `join` may be NULL.
 void kn_bus_client_close(kn_bus_client *join);

@@ -33,7 +33,7 @@ void kn_closed_loop_hand_init(kn_closed_loop_hand *g, const kn_closed_loop_hand_
     g->dice = 88172645463325252u;
 }
 
-// Return true if the simulated link loses this message. Random numbers by Marsaglia's xorshift.
+// Return true if the simulated link loses this message. The random numbers come from Marsaglia's xorshift generator.
 static bool lost(kn_closed_loop_hand *g)
 {
     g->dice ^= g->dice << 13;
@@ -42,7 +42,8 @@ static bool lost(kn_closed_loop_hand *g)
     return (double)(g->dice >> 11) * 0x1p-53 < g->def.loss;
 }
 
-// Put a force into the simulated link and return the force that comes out in this millisecond, or NULL.
+// Put the force of this millisecond into the simulated link. Return the force that leaves the link in this millisecond,
+// or NULL.
 static const kn_hand_force *carry(kn_closed_loop_hand *g, const kn_hand_force *force)
 {
     // The ring buffer uses delay_ms + 1 entries: one is written and the next one, which is the oldest, is read.

@@ -146,7 +146,7 @@ void kn_buzz_init(kn_buzz *buzz, double period_s, double first)
     // Second-order Butterworth high-pass by the bilinear transform. The variable w is the prewarped cut-off frequency.
     double w = tan(3.141592653589793 * KN_BUZZ_HZ * period_s), root2 = sqrt(2.0);
     double a0 = 1.0 + root2 * w + w * w;
-    // Both past inputs of the filter equal the first value, so a constant signal gives zero output from the beginning.
+    // Both past inputs of the filter start at `first`, so a constant signal gives zero output from the beginning.
     *buzz = (kn_buzz){
         .b = 1.0 / a0, .a1 = 2.0 * (w * w - 1.0) / a0, .a2 = (1.0 - root2 * w + w * w) / a0, .x1 = first, .x2 = first};
 }
@@ -336,7 +336,7 @@ double kn_lattice_object_touch(void *self, const double position_m[3], const dou
     kn_probe_input *in = &slab->input.probe[0];
     memcpy(in->position_m, position_m, sizeof in->position_m);
     memcpy(in->velocity_m_s, velocity_m_s, sizeof in->velocity_m_s);
-    // In the simulated loop, the tool first touches the object at z = 0. In the scene, this height is touch_m.
+    // The tool first touches the object at z = 0 in the simulated loop, and at z = touch_m in the scene.
     in->position_m[2] += slab->touch_m;
     slab->diverged |= kn_step(slab->model, slab->state, &slab->input, &slab->output) != KN_OK;
     memcpy(force_n, slab->output.probe[0].force_n, sizeof slab->output.probe[0].force_n);
@@ -374,7 +374,7 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
 static const double period_s = 1e-3;
 static const double lean_n = 1.0, press_n = 2.0, clear_m = 2e-3, tap_m = 0.01, tap_hz = 2.0;
 static const double slide_m = 0.02, slide_m_s = 0.01, slide_from_s = 2.0, ramp_s = 0.05;
-// Rms position above 10 Hz that is no buzz yet, added to the limit from the encoder's step, m.
+// A resting device buzzes if its rms position above 10 Hz exceeds this value plus 1.5 encoder steps, m.
 static const double unseen_m = 2e-6;
 
 // Stiffness of the springs of arm and grip in series, N/m. To press with a force against a wall, the intended path must

@@ -113,7 +113,7 @@ double kn_buzz_rms(const kn_buzz *buzz);
 // step or a stroke gives one or two reversals; a buzz gives many. A signal that reverses 20 times a second oscillates
 // at 10 Hz.
 typedef struct kn_turns {
-    double hysteresis, extreme; // hysteresis, > 0; extreme value of the signal since the last reversal
+    double hysteresis, extreme; // hysteresis: > 0; extreme: extreme value of the signal since the last reversal
     int up;                     // direction in which the signal moves, 1 or -1; 0: not known yet
     int count;
 } kn_turns;
@@ -258,7 +258,7 @@ typedef enum kn_haptic_loop_motion {
 } kn_haptic_loop_motion;
 
 typedef struct kn_haptic_loop_def {
-    // Device and hand. The grip NONE is allowed only with the motion LEAN. The motion sets the field bias_n.
+    // Device and hand. The grip NONE is allowed only with the motion LEAN, which sets the field bias_n.
     kn_held_device_def arm;
     // Virtual coupling as felt at the hand. The resolution of the force and the energy reservoir of the passivity
     // controller are computed from it.
@@ -271,7 +271,8 @@ typedef struct kn_haptic_loop_def {
 } kn_haptic_loop_def;
 
 typedef struct kn_haptic_loop_result {
-    // Root mean square of force and position above 10 Hz in the last second; for a tap, in the whole run.
+    // Root mean square of force and position above 10 Hz. For a tap the mean is over the whole run, otherwise over the
+    // last second.
     double force_rms_n, position_rms_m;
     double resolution_n; // change of the force when the encoder reading changes by one step
     // Number of reversals of the force: per stroke of a tap, or in the last second of a slide.

@@ -11,12 +11,13 @@ static const double hold_s = 3.5e-3;
 // Largest change of the force per ms while a watchdog fades the force. Only the fade of a high force limit may be
 // steeper; see core/safety.h.
 static const double slope_n_per_ms = 0.5;
-static const double smoothing = 0.01; // weight of a newly measured round trip in the smoothed round trip
+static const double smoothing = 0.01; // weight of the newest round trip in the smoothed round trip
 // If more time than this has passed since the last call, only this time is used, s. By then, the force of the local
 // model has faded anyway.
 static const double longest_s = 0.05;
 static const double step_s = 0.01; // longest time step of the local model
-// Force limit of the local model, N. It is so high that a wild force reaches the impulse guard, which then trips.
+// Force limit of the local model, N. The limit is too high to matter, so that the impulse guard sees a wild force and
+// trips.
 static const double any_n = 1e3;
 
 static double norm(const double v[3]) { return sqrt(kn_dot(v, v)); }
@@ -156,7 +157,7 @@ static void guard(kn_haptic_render *r, double dt_s, const double wanted_n[3], bo
     double ms = fmin(fmax(round(1e3 * r->gap_s), 1.0), 3.0), most_n = r->guard.most_n_per_ms * ms;
     r->allowed_n = fmin(r->allowed_n + 1e3 * dt_s * r->guard.most_n_per_ms, most_n);
     if (r->stop) return; // the last good force is kept and fades
-    // If the newest force is older than hold_s, a watchdog fades the force.
+    // If no new force has come for more than hold_s, a watchdog fades the force.
     if (!news && r->gap_s > hold_s) {
         fade(r, dt_s, wanted_n);
         return;

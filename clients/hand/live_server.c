@@ -130,7 +130,7 @@ bool kn_live_server_open(kn_live_server *live, const char *url, const char *mesh
 void kn_live_server_listen(kn_live_server *live, int timeout_ms)
 {
     int64_t end_ms = kn_live_server_now_ms() + timeout_ms, left_ms = timeout_ms;
-    // Handle the waiting messages of both buses. Sleep only while neither bus has a waiting message.
+    // Handle the waiting messages of both buses. If there are none, sleep until a message arrives on either bus.
     while (kn_bus_client_handle(live->bus, 0) + kn_bus_client_handle(live->mesh_bus, 0) == 0 && left_ms > 0) {
         struct pollfd wait[2] = {{.fd = kn_bus_client_fd(live->bus), .events = POLLIN},
                                  {.fd = kn_bus_client_fd(live->mesh_bus), .events = POLLIN}};

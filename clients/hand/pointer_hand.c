@@ -61,7 +61,7 @@ static void feel(kn_pointer_hand *p, const kn_hand_force *force, int elapsed_ms)
     if (fresh) p->force = *force;
     // The watchdog fades the force while no new force arrives.
     double factor = kn_watchdog_tick(&p->watchdog, fresh, elapsed_ms), *f = p->force.force_n;
-    // A force that answers pose asked_seq, or a later pose, also answers the wish that was sent with pose asked_seq.
+    // A force that answers pose asked_seq or a later pose also answers the wish that came with pose asked_seq.
     if (fresh && p->asked_event && force->seq >= p->asked_seq) {
         n->event = p->asked_event;
         n->tick = force->tick;
@@ -87,12 +87,13 @@ static void decide(kn_pointer_hand *p)
         open_session(p);
         enter(p, KN_POINTER_HAND_FOLLOW);
         break;
-    // After a fault during a press, the tool does not press again before the button is released.
+    // After a fault in a press, the tool cannot press again until the button is released.
     case KN_POINTER_HAND_FOLLOW:
         if (trouble) p->barred = p->wish.pressed, enter(p, KN_POINTER_HAND_LET_GO);
         else if (!p->wish.held && lifted(p)) enter(p, KN_POINTER_HAND_ABSENT);
         break;
-    // Wait until the tool is lifted, then until kneadd clears the fault. After clear_ms, end the session instead.
+    // Wait until the tool is lifted, and then until kneadd clears the fault. If kneadd does not clear the fault within
+    // clear_ms, end the session.
     case KN_POINTER_HAND_LET_GO:
         if (!lifted(p)) p->mode_ms = 0;
         else if (!trouble) enter(p, KN_POINTER_HAND_FOLLOW);
@@ -121,7 +122,8 @@ static double toward(double speed, double wanted, double most)
     return speed + fmin(fmax(wanted - speed, -most), most);
 }
 
-// Move down towards goal_m: fast in the air, at touch speed when the object is near, at press speed inside.
+// Move down towards goal_m: fast in the air, slower near the object so as to touch gently, and at press speed inside
+// the object.
 static void move_down(kn_pointer_hand *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], above_m = *z - p->ground_m;
@@ -185,7 +187,7 @@ static void follow(kn_pointer_hand *p)
     // The very first pose is at the hover height above the goal.
     if (!p->placed) memcpy(x, (double[]){p->wish.at_m[0], p->wish.at_m[1], p->wish.hover_z_m}, 3 * sizeof *x);
     p->placed = true;
-    // Press only while the tool is above its goal or already in a press.
+    // A press begins only when the tool is above its goal.
     bool over = hypot(p->wish.at_m[0] - x[0], p->wish.at_m[1] - x[1]) < there_m || isfinite(p->ground_m);
     bool engaged = p->news.flags & KN_FLAG_ENGAGED;
     bool press = p->mode == KN_POINTER_HAND_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
@@ -202,7 +204,8 @@ static void follow(kn_pointer_hand *p)
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
                                  int elapsed_ms)
 {
-    // A new press starts without a ground (lowest height reached), and is allowed even if the last press was barred.
+    // A new press (its number has changed) starts without a ground, the lowest height reached. The new press is allowed
+    // even if the previous one was barred.
     if (wish->press != p->wish.press) p->ground_m = INFINITY, p->barred = false;
     p->wish = *wish;
     feel(p, force, elapsed_ms);

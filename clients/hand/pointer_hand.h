@@ -77,8 +77,8 @@ typedef struct kn_pointer_hand {
 // the number session + 1, and the number of every later session is larger by one.
 void kn_pointer_hand_init(kn_pointer_hand *pointer, kn_probe_shape shape, int64_t session);
 
-// Advance the hand by one ms and update pointer->news. wish: the newest wish of the user, which may be the same as in
-// the last call. force, elapsed_ms: as for kn_virtual_device_hand.
+// Advance the hand by one ms and update pointer->news. wish: the newest wish of the user; the same wish may be passed
+// again. force, elapsed_ms: as for kn_virtual_device_hand.
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *pointer, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
                                  int elapsed_ms);
 

@@ -57,7 +57,7 @@ static void hear_scene(kn_session_record *r, const lcm_recv_buf_t *buf)
 {
     knead_scene_t scene;
     if (r->scene_text || knead_scene_t_decode(buf->data, 0, (int)buf->data_size, &scene) < 0) return;
-    r->scene_name = strdup(scene.name); // if memory is short, the NULL counts as no scene
+    r->scene_name = strdup(scene.name); // if memory is short, scene_name is NULL, which means that there is no scene
     r->scene_text = strdup(scene.text);
     knead_scene_t_decode_cleanup(&scene);
     r->scene_utime = buf->recv_utime;
@@ -124,10 +124,11 @@ bool kn_session_record_scene(kn_session_record *r, int timeout_ms)
 static void *run(void *self)
 {
     kn_session_record *r = self;
-    kn_bus_client_priority(reader_priority); // if the priority is refused, the receive buffer has to cover delays
+    // If the kernel refuses the priority, messages wait in the receive buffer longer.
+    kn_bus_client_priority(reader_priority);
     while (!atomic_load(&r->stop)) kn_bus_client_handle(r->bus, 20);
-    // Take the messages that are still on their way, for a fixed time. kneadd keeps answering the last pose, so waiting
-    // for silence would not end.
+    // Take the messages that are still on their way, for a fixed time. Waiting for silence would never end, because
+    // kneadd keeps answering the last pose.
     for (int64_t end_ns = kn_now_ns() + last_words_ns; kn_now_ns() < end_ns;) kn_bus_client_handle(r->bus, 5);
     return NULL;
 }

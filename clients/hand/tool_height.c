@@ -25,9 +25,9 @@ const kn_probe_def *kn_tool_height_choose_tool(const kn_model_def *def, const ch
     return name || def->probe_count == 0 ? NULL : &def->probe[0];
 }
 
-// Return the distance from the tool's pose down to its underside on a vertical line at (x_m, y_m), m. The search moves
-// up the line from below, each step by the distance to the tool's surface. If the line does not meet the tool within
-// STEPS_MAX steps, it counts as missing the tool.
+// Return the distance from the tool's pose down to its underside on a vertical line at (x_m, y_m), m. The search starts
+// below the tool and moves up the line. Each step is as long as the distance to the tool's surface. If the line does
+// not meet the tool within STEPS_MAX steps, it counts as missing the tool.
 static double first_below(const kn_shape *tool, double x_m, double y_m)
 {
     enum { STEPS_MAX = 100 };
@@ -81,7 +81,7 @@ bool kn_tool_height_touch(const kn_mesh *mesh, const uint8_t *top, double spacin
                           double x_m, double y_m, double *first_m, double *last_m)
 {
     const bool plate = tool->shape == KN_PROBE_PLATE, flat = kn_tool_height_flat(tool->shape);
-    const double slack_m = flat ? 0.1 * spacing_m : 0; // margin that the server adds to the edges of a plate, too
+    const double slack_m = flat ? 0.1 * spacing_m : 0; // the server adds this margin to the edges of a plate, too
     *first_m = -INFINITY, *last_m = INFINITY;
     for (int32_t v = 0; mesh->whole && v < mesh->vertex_count; v++) {
         const float *at = mesh->positions_m + 3 * v;

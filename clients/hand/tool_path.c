@@ -164,8 +164,8 @@ void kn_tool_path_retreat(kn_tool_path *path, kn_tool_path_piece piece[4], const
     add(path, KN_TOOL_PATH_PIECE_STAND, "wait", to, 0.0);
 }
 
-// Compute the fraction of a LINE that the tool has covered at time t, 0..1, and the rate of change of this fraction
-// [1/s]. The rate over time is a trapezoid of area 1.
+// Compute the fraction (0..1) of a LINE that the tool has covered at time t, and the rate of change of this fraction
+// [1/s]. Over time, the rate has the shape of a trapezoid with the area 1.
 static void trapezoid(double t, double duration_s, double *share, double *rate)
 {
     double r = KN_TOOL_PATH_RAMP_S, peak = 1.0 / (duration_s - r), left = duration_s - t;

@@ -89,7 +89,7 @@ typedef struct kn_hand { // state of a virtual hand; the caller only reads it
     kn_watchdog watchdog;
     kn_hand_force force; // newest force message of this session
     double given_n[3];   // force that the device gives to the hand in this millisecond, N
-    double engaged_n;    // |force| of the last force message with FLAG_ENGAGED, N
+    double engaged_n;    // magnitude of the last force received with FLAG_ENGAGED, N
     double path_s;
     const char *piece;
     const char *refusal; // reason if the device refused to give a force in this attempt, else NULL
