@@ -288,7 +288,8 @@ static void watch(experiment *x, double t, int step, const kn_output *out, doubl
     x->recent_n[step % CATCH] = out->probe[0].force_n[2];
     double force = median(x->recent_n);
     m->peak_n = fmax(m->peak_n, force);
-    // Look for a dip only while the plate goes down at full speed: when the plate slows down, the force falls anyway.
+    // Look for a dip only while the plate goes down at full speed. When the plate slows down, the force falls in
+    // every case, so such a fall is not counted.
     if (t <= press_down_s(&x->opt->path) - PRESS_RAMP) {
         *highest = fmax(*highest, force);
         m->dip_n = fmax(m->dip_n, *highest - force);

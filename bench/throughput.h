@@ -133,8 +133,8 @@ kn_input press_hand(const kn_model *model, double t_s);
 enum { PRESS_TICKS = 2100, PRESS_MIDDLE = 400 };
 kn_state *warm_state(kn_model_def def); // returns the state at tick PRESS_MIDDLE, while the plate goes down steadily
 
-// Times of the parts of a step: the edge pass with all other work that is done once per step (edge_us), and one
-// iteration.
+// Times of the two parts of a step. edge_us: the edge pass and all other work that is done once per step. iteration_us:
+// one iteration.
 typedef struct taken_apart {
     double edge_us, iteration_us;
 } taken_apart;

@@ -210,8 +210,8 @@ static int64_t now_us(void) { return kn_now_ns() / 1000; }
 // Return true if the messages of this connection are signed and checked.
 static bool signs(const kn_bus_client *j) { return own.keyed && !j->trusts; }
 
-// Send a hello message if one is due. kneadd answers a hello with the number of its life, which all its later messages
-// carry.
+// Send a hello message if one is due. kneadd answers with the number of its present life. All later messages of kneadd
+// carry this number.
 static void say_hello(kn_bus_client *j)
 {
     uint8_t bytes[KN_AUTH_NONCE + KN_AUTH_TRAILER];
@@ -258,7 +258,8 @@ static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp sta
 }
 
 // Return true if a message is fresh by the wall clock. This check is for a process that sends no hello (KNEAD_MUTE).
-// Every message type of this project begins with its hash and utime, 8 bytes each.
+// The time of the message is read from its bytes 8 to 15: every message type of this project begins with a hash and
+// utime, 8 bytes each.
 static bool is_recent(kn_bus_client *j, const unsigned char *payload, size_t size, kn_auth_stamp stamp)
 {
     if (size < 16) return false;
@@ -278,8 +279,8 @@ static bool is_fresh(kn_bus_client *j, const char *channel, kn_auth_stamp stamp)
 {
     int64_t life = atomic_load(&own.life);
     if (stamp.life != life || life == 0) return false;
-    // A pose message comes from another client, so its stamp is not compared with those of kneadd's messages. Its age
-    // must agree with the estimated age of kneadd.
+    // A pose message comes from another client, so the age in its stamp cannot be compared with the ages in kneadd's
+    // messages. The age must agree with the estimated age of kneadd.
     if (!strncmp(channel, POSES, strlen(POSES))) {
         int64_t apart_us = stamp.age_us - (now_us() + atomic_load(&own.ahead_us));
         return apart_us >= -KN_AUTH_BEHIND_US && apart_us <= KN_AUTH_BEHIND_US;

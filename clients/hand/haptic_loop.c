@@ -92,8 +92,8 @@ static void push(kn_held_device *arm, const double path_m[3], const double path_
         arm->v_m_s[k] = free / (1.0 + dt * d->damping_n_s_m / d->mass_kg);
         if (h->mass_kg > 0.0) arm->hand_m_s[k] += dt / h->mass_kg * (pull - grip);
     }
-    // Coulomb friction reduces the speed by a fixed amount per sub-step, at most to zero, so it never reverses the
-    // motion.
+    // Coulomb friction reduces the speed by a fixed amount per sub-step, but not below zero, so friction never reverses
+    // the motion.
     double speed = sqrt(kn_dot(arm->v_m_s, arm->v_m_s)), lost = dt * d->coulomb_n / d->mass_kg;
     for (int k = 0; k < 3 && lost > 0.0; k++) arm->v_m_s[k] *= speed > lost ? 1.0 - lost / speed : 0.0;
 }

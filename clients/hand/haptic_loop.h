@@ -193,7 +193,8 @@ typedef struct kn_lattice_object {
     kn_state *state;
     kn_input input;
     kn_output output;
-    // Height [m] in the scene at which the tool just touches the middle of the object; z = 0 of the simulated loop.
+    // Height [m] in the scene at which the tool just touches the middle of the object. In the simulated loop, this
+    // height is z = 0.
     double touch_m;
     bool diverged;
 } kn_lattice_object;

@@ -23,7 +23,7 @@ typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all
     // Wanted x and y of the tool. If they change while news.depth_m > 0, the tool moves sideways through the object at
     // constant depth.
     double at_m[2];
-    double hover_z_m; // z of the tool at which it touches the object nowhere
+    double hover_z_m; // z of the hovering tool, where the tool does not touch the object
     // Z at which the tool touches the object at at_m. Computed when a press begins, and used only while `pressed` is
     // true.
     double touch_z_m;
