@@ -16,8 +16,8 @@ static const double touch_m_s[2] = {0.03, 1e-4};
 static const double object_m_s2 = 0.2;
 // Speed of a flat tool from its first touch until it lies flat on the object.
 static const double flushing_m_s = 5e-4;
-// landing_m: height above the object at which a flat tool begins to brake. landing_m_s2: deceleration of the tool below
-// this height, so that the last millimetre takes one second.
+// landing_m: height above the object below which a flat tool moves down slowly. landing_m_s2: deceleration of the tool
+// below this height. The last millimetre takes one second.
 static const double landing_m = 1e-3, landing_m_s2 = 2e-3;
 // clear_m: largest distance below the hover height at which the tool counts as lifted. there_m: largest sideways
 // distance from the goal at which the tool counts as above its goal.
@@ -138,7 +138,8 @@ static void move_down(kn_pointer_hand *p, double goal_m, double dt_s)
         // In the last millimetre above the object a flat tool brakes to its touch speed.
         speed = fmin(speed, braking(above_m, landing_m_s2, touch_m_s[1]));
     } else {
-        // Higher above the object, brake early enough: a round tool for the touch, a flat tool for the last millimetre.
+        // Higher above the object, brake in time: a round tool to its touch speed at the object, a flat tool to the
+        // speed at which its last millimetre begins.
         double end_m_s = p->flat ? braking(landing_m, landing_m_s2, touch_m_s[1]) : touch_m_s[0];
         speed = fmin(speed, fmin(air_m_s, braking(above_m - p->flat * landing_m, 0.5 * air_m_s2, end_m_s)));
     }
