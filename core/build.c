@@ -125,10 +125,10 @@ static const char *check(const kn_model_def *def)
 
 // --- checks of a lattice --------------------------------------------------------------------------------------------
 
-// Largest stiffness of a tool's foundation and of the gas: stiffness times dt, as a multiple of the resistance of one
-// node at rest (kg/s, see `body` below). With a stiffer foundation or gas, conjugate gradients in f32 (seven digits)
-// need more iterations than a step allows; measured with `knead stability`, family mixed. The limit of the gas is
-// higher, because gas is stiff in only one direction of each cell.
+// Largest stiffness of a tool's foundation and of the gas: each limit is stiffness times dt, divided by the resistance
+// of one node at rest (`body` below, kg/s). Above these limits, conjugate gradients in f32 (seven digits) need more
+// iterations than a step allows. Both limits were measured with `knead stability`, family mixed. The limit of the gas
+// is higher, because gas is stiff in only one direction of each cell.
 #define FOUNDATION_MOST 500.0
 #define GAS_MOST 1e4
 // Largest gas pressure in f32, as a multiple of the pressure on a tool that is pressed in by one spacing. At this
@@ -157,8 +157,8 @@ static const char *check_stiffness(const kn_model *m)
 }
 
 // Build the shapes of the tools. Also list the nodes that the table can push, if the table can push the object at all.
-// That is so with the support FRICTION, and with a coupled tool, which may throw the object at the table. Return false
-// if memory is short.
+// The table can push the object if the support is FRICTION, or if a tool is coupled: a coupled tool may press the
+// object onto the table. Return false if memory is short.
 static bool build_tools(kn_model *model)
 {
     model->shape = calloc(KN_PROBES_MAX, sizeof *model->shape);
@@ -337,8 +337,8 @@ static void layout_fixed(const kn_model *m, kn_arena *a, kn_scratch *s)
     if (s->stages) kn_fixed_scratch_init(m, s->stages);
 }
 
-// Lay out a state in the memory at `base` and return its size. If `base` is NULL, only measure. `kept`: leave out the
-// solver's scratch.
+// Lay out a state in the memory at `base` and return its size. If `base` is NULL, only measure. If `kept` is true,
+// leave out the solver's scratch.
 static size_t layout(const kn_model *m, char *base, bool kept)
 {
     kn_arena a = {.base = base};

@@ -18,24 +18,26 @@
 #define LATE_S 0.030  // round trip of the slowest link that a local model is meant for
 #define CLIENT_S 1e-3 // step of a client, for which A is reported
 
-typedef struct pressed {        // one contact: everything that a tool touches, or one patch of it
+typedef struct pressed {        // one contact: the whole contact of a tool, or one patch of this contact
     double force_n, rate_m_s;   // contact force t; speed w at which the tool presses the skin inwards
     double normal[3], arm_m[3]; // normal out of the object; vector from the tool's position to where the force acts
     double layer_n_m;           // stiffness of the contact's foundation along the normal; 0: rigid
     double a, k1, h_n;          // damping A, stiffness k1, force H of contact_model.h; 0: not known yet
-    double tt, tw, c2;          // fading sums of t t and t w_c2, w_c2: rate of the damper c2; the fit c2 = tt/tw
-    double loaded;              // share of the running mobility solve's load on this contact; 0: no load
+    double tt, tw, c2; // tt, tw: fading sums of t t and t w_c2 (w_c2: rate of the damper c2); c2: their quotient tt/tw
+    double loaded;     // share of the running mobility solve's load on this contact; 0: no load
 } pressed;
 
-typedef struct fitted {         // one probe's contact
-    bool touching, near, ahead; // near: the tool touches the object, or a plane ahead of the tool is within reach
+typedef struct fitted { // one probe's contact
+    // touching: the tool touches the object; near: the tool touches the object, or is within reach of it in a known
+    // direction; ahead: the last call of look_ahead found the tool in air
+    bool touching, near, ahead;
     pressed all, patch[KN_PATCHES_MAX];
     unsigned used; // bit i is set if patch[i] is in use
     int only;      // number of the patch in use if there is exactly one
     kn_place place[KN_PATCHES_MAX];
     int places;       // number of places beside the contact where the tool will touch next
     double side_n[3]; // tangential part of the force on the tool
-    // position of the tool; distance of the tool from the object; gradient of this distance
+    // tool_m: position of the tool; gap_m: distance of the tool from the object; gradient: gradient of this distance
     double tool_m[3], gap_m, gradient[3];
 } fitted;
 
@@ -140,7 +142,8 @@ static int count_of(unsigned used)
 }
 
 // Return the patch of a sample that `node` carries. A node that is pressed for the first time belongs to no patch yet.
-// Then the sample gets the patch of another of its nodes, or else the first patch in use.
+// The sample then gets the patch of another of its nodes. If none of its nodes belongs to a patch, the sample gets the
+// first patch in use.
 static int patch_of(const kn_contact_fit *fit, int p, const int node[], int nodes)
 {
     int number = kn_patches_at(fit->patches, p, node[nodes / 2]); // the middle node of a spline's 3 x 3 nodes
@@ -152,7 +155,7 @@ static int patch_of(const kn_contact_fit *fit, int p, const int node[], int node
 
 typedef struct sums {
     double force_n[3], torque_n_m[3], power_w; // force, torque and power of the contact on the tool
-    // sum of the pressing forces; sum of each pressing force times its arm
+    // pressing_n: sum of the pressing forces; place_n_m: sum of each pressing force times its arm
     double pressing_n, place_n_m[3];
 } sums;
 
@@ -301,7 +304,8 @@ static void look_ahead(const kn_contact_fit *fit, const kn_state *state, int p, 
         f->gradient[k] = plate ? (k == 2) : (kn_clearance(m, state, p, at, turn) - f->gap_m) / PROBE_M;
     }
     double size = sqrt(kn_dot(f->gradient, f->gradient));
-    f->near &= size > 0.5 && isfinite(size); // the gradient's size is 1, except where two sides are equally near
+    // the gradient's size is 1, except where two sides of the object are equally near: there the direction is not known
+    f->near &= size > 0.5 && isfinite(size);
     for (int k = 0; k < 3 && f->near; k++) f->all.normal[k] = f->gradient[k] / size;
 }
 
@@ -527,7 +531,7 @@ static void begin_round(kn_contact_fit *fit, const kn_state *state)
 
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state)
 {
-    // update patches and places ahead, then iterate on the mobility
+    // update the patches and the next places of contact, then continue the mobility solve
     for (int p = 0; p < fit->model->def.probe_count; p++)
         if (fit->probe[p].touching || fit->probe[p].used) group_patches(fit, state, p);
     for (int p = 0; p < fit->model->def.probe_count; p++)
@@ -589,7 +593,8 @@ static double first_layer(const kn_model *m, int p, double coupling_n_m)
     return fmin(coupling_n_m, kn_probe_foundation(&m->def.probe[p]) * 3.14 * third_m * third_m);
 }
 
-// Set coupling and foundation of a unit. A tool that follows its pose rigidly has no coupling. Return the foundation.
+// Set the coupling of a unit, and return the stiffness of its foundation. A tool that follows its pose rigidly has no
+// coupling.
 static double set_coupling(const kn_contact_fit *fit, int p, double layer_n_m, kn_contact_unit *unit)
 {
     const kn_probe_def *def = &fit->model->def.probe[p];
@@ -617,7 +622,7 @@ static double valid_ms(const kn_contact_fit *fit, int p, const fitted *f, double
 // Fill in the physical fields of a unit. `at_m`: position that the tool would have if the contact carried no force.
 static void set_unit(const kn_model *m, const pressed *c, const double at_m[3], kn_contact_unit *unit)
 {
-    // convert A from the server's time step to the client's; proxy minus anchor is the arm that the client uses
+    // convert A from the server's time step to the client's; the client uses proxy minus anchor as the arm of the force
     const kn_material *mat = &m->def.material;
     double height = kn_dot(c->arm_m, c->normal);
     unit->force_n = c->force_n;

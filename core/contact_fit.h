@@ -57,10 +57,10 @@ void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_in
 // into patches for the next step. Call once per tick, after the forces and units have been sent. Real-time safe.
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
 
-// Store the units of probe p after the last step in unit[0 .. contact_count - 1], with room for `most` units, 1 ..
-// KN_CONTACT_UNITS. unit[0].contact_count is 0 if the object is not within the tool's reach. If there are more than
-// `most` patches, one unit stands for the resultant of all patches. Session, pose_seq, generation, utime and flags of
-// the units are 0; the caller fills them in. Real-time safe.
+// Store the units of probe p after the last step in unit[0 .. contact_count - 1], which has room for `most` units.
+// `most` is from 1 to KN_CONTACT_UNITS. unit[0].contact_count is 0 if the object is not within the tool's reach. If
+// there are more than `most` patches, one unit stands for the resultant of all patches. Session, pose_seq, generation,
+// utime and flags of the units are 0; the caller fills them in. Real-time safe.
 void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact_unit unit[]);
 
 #endif

@@ -65,7 +65,8 @@ static int bin_of(double force_n)
 }
 
 // Fill in the flow rate force/c2 at every force of the law. Between two forces with a received c2, ln c2 is
-// interpolated. Beyond the outermost such force, its c2 is used. The flow rate never falls as the force rises.
+// interpolated. Below the smallest and above the largest of these forces, c2 is constant. The flow rate never falls as
+// the force rises.
 static void fill(const double c2[KN_CONTACT_LAW], double flow_m_s[KN_CONTACT_LAW])
 {
     double at_n = LAW_N, least = 0.0;
@@ -150,7 +151,7 @@ static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *othe
     if (flow_m_s > 0.0) u->c2 = t / flow_m_s;
     // tangential: the force that stops the proxy on the surface, shortened to the friction cone
     cross(others->torque_n_m, u->arm_m, way);
-    // s: tangential compliance; |arm|^2 is an upper bound of the arm's effect in every direction
+    // s: tangential compliance. The effect of the arm depends on the direction; |arm|^2 is the largest effect.
     double s = p + 1.0 / u->c2 + others->soft * dot(u->arm_m, u->arm_m);
     for (int i = 0; i < 3; i++) {
         double rate = (others->force_n[i] - along * u->normal[i]) / g + others->soft * way[i];
@@ -276,7 +277,7 @@ static int64_t find_pose(const kn_contact_model *m, int64_t seq)
     return -1;
 }
 
-// Set the plane `u` from a message, with every number clipped to its range.
+// Set the plane `u` from a unit of a message. Clip every number to its range.
 static void set_plane(const kn_contact_model *m, const kn_contact_body *b, const kn_contact_unit *from,
                       kn_contact_plane *u)
 {
@@ -308,10 +309,11 @@ static void soften(const kn_contact_body *b, double theirs, kn_contact_plane *u)
 
 static double soft_of(const kn_contact_unit *unit) { return unit->k_vc_n_per_m > 0.0 ? 1.0 / unit->k_vc_n_per_m : 0.0; }
 
-// Choose this device's coupling and the foundation of each unit, for a message whose forces were computed with its
-// k_vc. With one unit, the coupling has this k_vc, but at most m->def.stiffness_n_m, and there is no foundation. With
-// several units, the coupling has m->def.stiffness_n_m, and the remaining compliance of a unit's k_vc is its
-// foundation. Return the compliance of the server's coupling.
+// Choose this device's coupling and the foundation of each unit for a message. The server has computed the message's
+// forces with the coupling k_vc. If the message has one unit, this device's coupling gets the same k_vc, but at most
+// m->def.stiffness_n_m, and the unit has no foundation. If the message has several units, this device's coupling gets
+// m->def.stiffness_n_m. A unit's foundation then adds the compliance by which the unit's k_vc is softer than this
+// coupling. Return the compliance of the server's coupling.
 static double set_coupling(const kn_contact_model *m, const kn_contact_unit *unit, kn_contact_body *b)
 {
     // this device is not stable with a coupling stiffer than its own
@@ -387,8 +389,8 @@ static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body 
     for (int c = 0; c < b->count; c++) b->plane[c].level_m += dot(b->plane[c].normal, way);
 }
 
-// Turn the proxy of a coupled tool by the torque of the contact. Turn the proxy back by its lag behind a device that
-// turns at `rate_rad_s`.
+// Turn the proxy of a coupled tool by the torque of the contact. Then turn the proxy back, because it lags behind a
+// device that turns at the rate rate_rad_s.
 static void set_turn(kn_contact_body *b, const double rate_rad_s[3])
 {
     if (b->rigid) return;
@@ -582,8 +584,8 @@ void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double positi
     memcpy(pose->orientation_wxyz, m->orientation_wxyz, sizeof pose->orientation_wxyz);
 }
 
-// Return true if the message in use is no longer valid: since its pose the tool has moved or turned too far, or the
-// force has risen too much.
+// Return true if the message in use is no longer valid: since the pose of this message, the tool has moved or turned
+// too far, or the force has risen too much.
 static bool too_far(const kn_contact_model *m)
 {
     const kn_contact_pose *now = &m->pose[(m->poses - 1) % KN_CONTACT_REPLAY];
@@ -592,7 +594,7 @@ static bool too_far(const kn_contact_model *m)
     turn_between(m->body.from_wxyz, now->orientation_wxyz, turn);
     for (int c = 0; c < m->body.count; c++) {
         double t = dot(m->body.plane[c].normal, m->body.plane[c].force_n);
-        // a turn counts as the path by which it moves the point of contact
+        // a turn is too large if it moves the point of contact by more than half the tool's radius
         if (norm(turn) * norm(m->body.plane[c].lever_m) > 0.5 * m->def.radius_m) return true;
         if (n && t <= most) continue;
         n = m->body.plane[c].normal;
@@ -638,8 +640,8 @@ static void lose(kn_contact_model *m, double dt)
     sum_up(&m->body);
 }
 
-// Let a contact return after an outage: raise the share of its force that is rendered. Rejected: moving the surface
-// back. Then the viscous part of the force would end with a jump.
+// Let a contact return after an outage: raise the share of its force that is rendered. The alternative, moving the
+// surface back, was rejected: the viscous part of the force would end with a jump.
 static void come_back(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
     m->share = fmin(1.0, m->share + dt * RETURN_M_PER_S / fmax(depth_of(&m->body, x, turn), THERE_M));

@@ -57,8 +57,8 @@ typedef struct kn_contact_unit { // one contact, the fields of contact_model_t; 
     int32_t flags;         // bits KN_FLAG_*; the model reads only the bits of KN_CONTACT_*
     int32_t contact_index; // index of this contact in its message, 0 .. contact_count - 1
     int32_t contact_count; // number of contacts in the message; 0: the object is not within the tool's reach
-    // Position of the proxy. Its component along `normal` is that of the tool's position when the tool touches the
-    // surface. Its tangential components are those of the point where the force acts.
+    // Position of the proxy. Along `normal`, it is the position at which the tool touches the surface. Tangentially, it
+    // is the point where the force acts.
     double proxy_m[3];
     double normal[3];          // unit normal of the surface, out of the object
     double force_n;            // contact force F0 along normal, >= 0; 0: the tool does not touch the surface yet
@@ -72,7 +72,7 @@ typedef struct kn_contact_unit { // one contact, the fields of contact_model_t; 
     double k_vc_n_per_m;
     double b_vc_n_s_per_m; // damping of the server's coupling
     double friction;       // coefficient of friction mu, clipped to [0, 3]
-    // Friction anchor. Its tangential components are those of the tool's position without tangential force. The
+    // Friction anchor. Tangentially, it is the position that the tool would have without tangential force. The
     // difference proxy_m - friction_anchor_m is the arm from the tool's position to the point where the force acts.
     double friction_anchor_m[3];
     double valid_ms; // time for which the message is valid, clipped to [0, 100]
@@ -102,19 +102,20 @@ typedef struct kn_contact_model_def { // a field of 0 takes its default
 } kn_contact_model_def;
 
 typedef struct kn_contact_plane { // one contact unit while it is rendered; used by contact_model.c only
-    double normal[3], level_m;    // the surface is the set of x with normal . x + lever . turn = level_m
+    double normal[3], level_m;    // the surface is all points x with normal . x + lever . turn = level_m
     double arm_m[3], lever_m[3];  // arm: from the proxy to the point where the force acts; lever: arm x normal
     double c1, k1, c2, mu;        // dashpot c1; spring k1; damper c2 at the present force; friction coefficient mu
-    double give_m_n, t_n;         // compliance of the unit's own foundation [m/N]; force along the normal [N]
-    double thick;                 // ratio of this unit's c2 to the c2 of the stored law at equal force
-    double h_n, shear_n[3];       // force of the spring k1 along the normal; tangential force of the spring k1 [N]
-    double force_n[3];            // force on the tool
+    double give_m_n, t_n;   // give_m_n: compliance of the unit's own foundation [m/N]; t_n: force along the normal [N]
+    double thick;           // ratio of this unit's c2 to the c2 of the stored law at equal force
+    double h_n, shear_n[3]; // force of the spring k1 along the normal; tangential force of the spring k1 [N]
+    double force_n[3];      // force on the tool
 } kn_contact_plane;
 
 typedef struct kn_contact_body { // the proxy and the surfaces of all units; used by contact_model.c only
     int count;
     bool rigid; // the proxy turns as the device does, whatever the torque
-    // k_vc and b_vc of the coupling, its arm l for rotations; position of the proxy; force of the contact on the tool
+    // k, b: stiffness k_vc and damping b_vc of the coupling; arm_m: arm l of the coupling for rotations; proxy_m:
+    // position of the proxy; force_n: force of the contact on the tool
     double k, b, arm_m, proxy_m[3], force_n[3];
     double from_wxyz[4];            // orientation of the device in the pose that the message answers
     double turn[3];                 // rotation vector of the proxy since the pose that the message answers
@@ -133,17 +134,19 @@ typedef struct kn_contact_model { // plain data, read-only for the caller; a cop
     kn_contact_body body;
     kn_contact_pose pose[KN_CONTACT_REPLAY]; // own poses; the newest is at (poses - 1) % KN_CONTACT_REPLAY
     int64_t poses;                           // number of poses stored since init
-    double now_s, posed_s;                   // sum of all render steps; time of the last pose, whether stored or not
-    kn_contact_unit unit[KN_CONTACT_UNITS];  // received datagrams of the server tick whose message is still incomplete
-    double c2[KN_CONTACT_LAW];               // last received c2 at each of the law's forces; 0: none received yet
-    unsigned have;                           // bit i is set: unit[i] has arrived
-    int first;                               // index of the datagram of the message that arrived first
-    // server time of the newest datagram; pose_seq of the message in use, -1: none
+    double now_s, posed_s; // now_s: sum of all render steps; posed_s: time of the last pose, stored or not
+    kn_contact_unit unit[KN_CONTACT_UNITS]; // received datagrams of the server tick whose message is still incomplete
+    double c2[KN_CONTACT_LAW];              // last received c2 at each of the law's forces; 0: none received yet
+    unsigned have;                          // bit i is set: unit[i] has arrived
+    int first;                              // index of the datagram of the message that arrived first
+    // utime: server time of the newest datagram; taken_seq: pose_seq of the message in use, -1: none
     int64_t utime, taken_seq;
-    int32_t generation, flags;                    // fields of the message in use
-    double valid_s, taken_s, taken_m[3], taken_n; // message in use: validity, time and position of its pose, |force|
-    double stale_s;                               // time since the message in use became stale
-    bool returning;                               // the force rises again after a time without valid messages
+    int32_t generation, flags; // fields of the message in use
+    // Message in use. valid_s: time for which it is valid; taken_s, taken_m: time and position of its pose; taken_n:
+    // size of its force.
+    double valid_s, taken_s, taken_m[3], taken_n;
+    double stale_s; // time since the message in use became stale
+    bool returning; // the force rises again after a time without valid messages
     // share of the force that has been faded out since the server lost the contact, 0 .. 1
     double lost;
     double orientation_wxyz[4];       // the device's present orientation
@@ -163,7 +166,7 @@ typedef enum kn_contact_take {
     KN_CONTACT_BAD
 } kn_contact_take;
 
-// Set all of the model to its start: no message, no pose, no force. The model copies `def`.
+// Initialise the model: no message, no pose, no force. The model copies `def`.
 void kn_contact_model_init(kn_contact_model *m, const kn_contact_model_def *def);
 
 // Set the tool's present orientation, a unit quaternion w, x, y, z from tool to scene. Call before
@@ -176,12 +179,13 @@ void kn_contact_model_turn(kn_contact_model *m, const double orientation_wxyz[4]
 // zero.
 void kn_contact_model_pose(kn_contact_model *m, int64_t seq, const double position_m[3], const double velocity_m_s[3]);
 
-// Process one received datagram. Every number of the datagram is checked or clipped. Return what became of it.
+// Process one received datagram. Every number of the datagram is checked or clipped. Return whether the message is
+// taken, waits for further datagrams, or is refused.
 kn_contact_take kn_contact_model_take(kn_contact_model *m, const kn_contact_unit *unit);
 
-// Advance the model by one step of dt_s (0.1 .. 10 ms) at the device's position and velocity in the scene's frame, and
-// store the force on the hand, at most force_limit_n. m->torque_n_m gets the torque. A position or velocity that is not
-// finite counts as a missing pose.
+// Advance the model by one step of dt_s (0.1 .. 10 ms) at the device's position and velocity in the scene's frame.
+// Store the force on the hand, at most force_limit_n, in force_n and the torque in m->torque_n_m. A position or
+// velocity that is not finite counts as a missing pose.
 void kn_contact_model_render(kn_contact_model *m, double dt_s, const double position_m[3], const double velocity_m_s[3],
                              double force_n[3]);
 

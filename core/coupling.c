@@ -1,8 +1,8 @@
 #include "core/coupling.h"
 #include <math.h>
 
-// Ratio of the default k_vc to the bound with delay (core/coupling.h). The margin is for the filter of the velocity and
-// the steps of the encoder.
+// Ratio of the default k_vc to the bound with delay (core/coupling.h). The ratio is below 1 because the bound neglects
+// the filter of the velocity and the steps of the encoder.
 static const double share = 0.6;
 // lag: largest b_vc (t_d + T + filter_s) / m, where filter_s is the delay of the filtered velocity. With a larger lag
 // than 0.5 the damper reduces the stable k_vc. With a lag of 1.6 the damper itself oscillates.

@@ -32,7 +32,7 @@ kn_coupling kn_coupling_default(double mass_kg, double damping_n_s_m, double per
                                 kn_coupling most);
 
 // Return an upper bound of the coupling stiffness k_vc, N/m. kn_coupling_colgate returns Colgate's bound, below which
-// the device is passive; it is 0 if b_vc (coupling_n_s_m) exceeds the device's friction b_dev (damping_n_s_m).
+// the device is passive. This bound is 0 if b_vc (coupling_n_s_m) exceeds the device's friction b_dev (damping_n_s_m).
 // kn_coupling_delayed returns the bound with delay, below which the device is stable at a wall.
 double kn_coupling_colgate(double damping_n_s_m, double period_s, double coupling_n_s_m);
 double kn_coupling_delayed(double damping_n_s_m, double period_s, double round_trip_s, double coupling_n_s_m);

@@ -81,7 +81,7 @@ bool kn_element_vibration_dies(const kn_element *e, int node);
 // The elements of the first paper's figure 2, (a) to (k). Their drawings are lost, so they were reconstructed from the
 // paper's text about each of them. The provenance tells how sure a reconstruction is.
 typedef enum kn_provenance {
-    KN_PROVENANCE_FORCED, // no other element of this size fits the paper (text, and figure 3 for d and f)
+    KN_PROVENANCE_FORCED, // no other element of this size fits the paper's text (for d and f: text and figure 3)
     KN_PROVENANCE_PAIR,   // two elements fit two letters; which element has which letter is a guess
     KN_PROVENANCE_GUESS   // four elements fit the paper's text, and this is one of them; all four are equal one-ports
 } kn_provenance;

@@ -135,7 +135,7 @@ static void ball_around(const kn_field *f, const int t[3], double ball[4])
 
 static bool fill_distances(kn_field *f)
 {
-    enum { LEVELS = 24 }; // upper bound of the depth of recursion: halvings of the longest side
+    enum { LEVELS = 24 }; // largest depth of the recursion: number of times that the longest side is halved
     size_t count = (size_t)f->triangle_count;
     filler fill = {
         .field = f, .ball = malloc(count * sizeof *fill.ball), .distance = malloc(count * sizeof *fill.distance)};
@@ -174,7 +174,7 @@ static int crosses(const kn_field *f, const int t[3], const double p[2], double 
     *x_m = 0;
     for (int c = 0; c < 3; c++) {
         area[c] = beside(f, t[(c + 1) % 3], t[(c + 2) % 3], p);
-        // a point on an edge counts for exactly one of the edge's triangles
+        // a point on an edge is assigned to exactly one of the edge's two triangles
         left += area[c] > 0 || (area[c] == 0 && t[(c + 1) % 3] < t[(c + 2) % 3]);
         sum += area[c];
     }

@@ -12,11 +12,12 @@
 // exact for quadratics. The correction is limited to an eighth of a cell, so an edge stays as round as the spline makes
 // it.
 //
-// The error is less than the side s of a cell anywhere. The reason: two places a distance a apart have distances to the
-// surface that differ by at most a, and the points that the spline weighs are 0.87 s away on average at most. Where the
-// surface has a radius of curvature r > 4 s, the error is below s^3/(4 r^2). On every side the grid reaches two cells
-// beyond the surface. For a point beyond the grid, take the nearest point of the grid's boundary, and the surface point
-// nearest to this boundary point. The result is the distance to that surface point.
+// The error is nowhere larger than the side s of a cell. The spline gives a weighted mean of the distances at grid
+// points nearby. The mean distance of these points is at most 0.87 s, and along a path of length a the distance to the
+// surface changes by at most a. Where the surface has a radius of curvature r > 4 s, the error is below s^3/(4 r^2). On
+// every side the grid reaches two cells beyond the surface. For a point beyond the grid, take the nearest point of the
+// grid's boundary, and the surface point nearest to this boundary point. The result is the distance to that surface
+// point.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

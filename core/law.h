@@ -45,7 +45,7 @@ typedef enum kn_law_kind {
     KN_LAW_EXACT   // force-dependent c2, exact to rounding: in F64, or if the law's range is too wide for the table
 } kn_law_kind;
 
-// Slope of the law that the solver uses around its guess.
+// Slope of the straight line by which the solver replaces the law near its guess.
 typedef enum kn_linearization {
     KN_LINEARIZATION_BLEND,  // mean of secant and tangent: accurate, and no chatter up to a few thousand nodes
     KN_LINEARIZATION_SECANT, // slope s/b: the force never chatters, but is a little less accurate

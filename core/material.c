@@ -3,8 +3,8 @@
 #include <math.h>
 #include <stddef.h>
 
-// The limits of the permanent strain a0/a - 1 follow from the limits of a. If both stops are at one place, the damper
-// cannot move.
+// The limits of the permanent strain, a0/a - 1, follow from the limits of the ratio a. The damper cannot move if both
+// of its stops are at one place.
 bool kn_material_stroke(const kn_material *mat, double *in, double *out)
 {
     bool stops = mat->stroke[1] > 0;

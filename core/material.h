@@ -51,8 +51,9 @@ typedef struct kn_material {
     double p1_pa;       // EXPONENTIAL, RAMP: stress from which c2 is constant again
     double c_max_pa_s;  // RAMP: c2 up to p0; >= c_min, so that a damper never flows slower under more load
     double c_min_pa_s;  // RAMP: c2 at stresses of p1 and above, > 0
-    double ratio;       // a0, share of the Voigt part in a new edge's length, a_min .. a_max; without stops unused
-    double stroke[2];   // bounds a_min, a_max of the ratio a, in 0 .. 1; {0, 0}: the damper has no stops
+    // a0, share of the Voigt part in a new edge's length, a_min .. a_max; unused if the damper has no stops
+    double ratio;
+    double stroke[2]; // bounds a_min, a_max of the ratio a, in 0 .. 1; {0, 0}: the damper has no stops
 } kn_material;
 
 // Return c2 at a stress of either sign, Pa s. Return INFINITY if the damper cannot move.

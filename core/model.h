@@ -34,8 +34,9 @@ typedef enum kn_skin_form { // skin of a block between its nodes, for every tool
 } kn_skin_form;
 
 typedef enum kn_probe_shape {
-    KN_PROBE_PLATE,  // level rectangle that holds the top nodes it touches and releases nodes that pull
-    KN_PROBE_SPHERE, // rigid ball, or a disc on a flat block; all shapes but PLATE use foundation contact (contact.h)
+    KN_PROBE_PLATE, // level rectangle that holds the top nodes it touches and releases nodes that pull
+    // rigid ball (on a flat block a disc); this and the shapes below use foundation contact (contact.h)
+    KN_PROBE_SPHERE,
     KN_PROBE_CAPSULE,
     KN_PROBE_BOX,
     KN_PROBE_CROSS,
@@ -85,13 +86,13 @@ typedef struct kn_solver_def {
     // largest residual of the last second. 0: a step never continues. Range [0, 1).
     double tolerance;
     int passes;        // linearisations of the law per step: 1 in real time, 3-5 with SECANT for a converged reference
-    double mass_scale; // factor of the inertia, >= 1, for a longer stable step of RK4; only the scene can set it
+    double mass_scale; // factor of the inertia, >= 1, for a longer stable step of RK4; equal at all quality points
 } kn_solver_def;
 
 // The part of a kn_solver_def that may change from step to step. It sets how much time a step takes and how exact the
 // step is. The layout of a state does not depend on it.
 typedef struct kn_effort {
-    int iterations, iterations_max; // see kn_solver_def; iterations 0: the model's values apply to all members
+    int iterations, iterations_max; // see kn_solver_def; if `iterations` is 0, the model's values replace all members
     double tolerance;
     int passes;
     kn_linearization linearization;
@@ -163,12 +164,13 @@ typedef struct kn_model {
     double creep_error;   // net: relative error of the creep strain that remains after the fit of gamma
     double gamma;         // ratio of an edge's stress area to kappa weight L0
     const struct kn_kernels *kernels;
-    kn_isa isa;        // instruction set in use, never AUTO
-    void *tables;      // constants of the kernels in the model's precision, one block
-    int skin_count;    // number of triangles of a net's outside, else 0
-    int (*skin)[3];    // [skin_count] triangles of nodes, counter-clockwise from outside
-    int face_count;    // number of faces that a probe can touch: top, sides, with support NONE or FRICTION base
-    int outside_count; // number of all faces of a block; faces that a probe cannot touch come last
+    kn_isa isa;     // instruction set in use, never AUTO
+    void *tables;   // constants of the kernels in the model's precision, one block
+    int skin_count; // number of triangles of a net's outside, else 0
+    int (*skin)[3]; // [skin_count] triangles of nodes, counter-clockwise from outside
+    // number of faces that a probe can touch: top and sides, and the base if the support is NONE or FRICTION
+    int face_count;
+    int outside_count;          // number of all faces of a block; faces that a probe cannot touch come last
     kn_face face[KN_FACES_MAX]; // face[0] is the top, or a part of it
     struct kn_shape *shape;     // [probe_count] shape of each probe; empty for a plate
     int base_count;             // number of nodes of the outside that the table can push: see lattice.h

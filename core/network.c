@@ -368,7 +368,7 @@ bool kn_network_advance(const kn_network *net, kn_network_state *state, const kn
             continue;
         }
         settle(net, &next);
-        // if until_s made this step shorter than state->step_s, the next step may still have that length
+        // if until_s made this step shorter than state->step_s, the next step may again be state->step_s long
         next.step_s = fmax(h * factor, h < state->step_s ? state->step_s : 0);
         next.steps = state->steps + 1;
         next.rejected = state->rejected;
@@ -450,7 +450,8 @@ bool kn_network_material(const kn_network *net, kn_material *mat)
     *mat = (kn_material){.damper = KN_DAMPER_NONE};
     if (n->kind != KN_ELEMENT_SERIES) return take_part(net, e->root, mat);
     if (n->count != 2) return false;
-    // c2 is the last of the two members that is a damper, if the other member is a part of a Voigt element
+    // one member must be the damper c2, the other a part of a Voigt element; if both orders are possible, c2 is the
+    // last member
     for (int last = 1; last >= 0; last--) {
         const kn_element_node *d = &e->node[n->child[last]];
         *mat = (kn_material){.damper = KN_DAMPER_NONE};

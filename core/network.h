@@ -36,7 +36,8 @@
 #define KN_SDIRK_STAGES 5
 #define KN_SDIRK_GAMMA 0.25 // diagonal of the method
 
-static const double kn_sdirk_time[KN_SDIRK_STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1}; // times of stages, in h
+// time of each stage, in step lengths h
+static const double kn_sdirk_time[KN_SDIRK_STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
 static const double kn_sdirk_row[KN_SDIRK_STAGES][KN_SDIRK_STAGES] = {{0},
                                                                       {1. / 2},
                                                                       {17. / 50, -1. / 25},

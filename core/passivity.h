@@ -36,7 +36,7 @@ typedef struct kn_passivity_def { // a field of 0 takes its default
     // light touches, because the controller damps energy that was never given.
     double encoder_m;
     double reserve_j;         // energy allowed in addition to the stored energy, default 1 mJ
-    double damping_max_n_s_m; // largest damping a_max, default min(10 N s/m, m / (2 (T + t_d + 1/w_f)))
+    double damping_max_n_s_m; // largest damping a_max, default min(10 N s/m, m / (2 (T + t_d + 1/(2 pi velocity_hz))))
 } kn_passivity_def;
 
 typedef struct kn_passivity {         // state of observer and controller; the caller may read it

@@ -99,7 +99,7 @@ static kn_safety_limits with_defaults(const kn_safety_limits *limits)
 {
     kn_safety_limits l = *limits;
     l.clamp_n = positive_or(l.clamp_n, 3.3);
-    // a hand holds a stylus about 5 cm from its tip
+    // the default torque is that of a force of clamp_n at an arm of 5 cm: a hand holds a stylus about 5 cm from its tip
     l.torque_clamp_n_m = positive_or(l.torque_clamp_n_m, l.clamp_n * 0.05);
     l.guard_n_per_ms = positive_or(l.guard_n_per_ms, 4.0);
     l.brake_m_s = positive_or(l.brake_m_s, 1.2);

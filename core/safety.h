@@ -86,11 +86,12 @@ void kn_guard_age(kn_guard *g, int ticks);             // let `ticks` ticks of 1
 // times the number of ms since the last force. If the guard trips, force_n stays unchanged.
 kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allowed_n, double force_n[3]);
 
-typedef struct kn_safety {         // state of the output stage of one probe
-    kn_safety_limits limits, next; // limits in use; new limits, which come into use when the hand feels no force
-    bool relimiting;               // the limits in `next` wait to come into use
-    double gain;                   // factor of the force, 0..1
-    double gain_drop;              // decrease of the gain in this tick
+typedef struct kn_safety { // state of the output stage of one probe
+    // limits: limits in use; next: new limits, which come into use when the hand feels no force
+    kn_safety_limits limits, next;
+    bool relimiting;  // the limits in `next` wait to come into use
+    double gain;      // factor of the force, 0..1
+    double gain_drop; // decrease of the gain in this tick
     // contact force at the scale of the hand, after the guard, before clamp and gain; frozen without live contact
     double force_n[3];
     double torque_n_m[3];
@@ -100,17 +101,19 @@ typedef struct kn_safety {         // state of the output stage of one probe
     int flowing_ms; // time since the first pose after a silence of zero_ms; stops counting at flow_ms
     int gap_ms;     // time since force_n was last set to a contact force
     bool attached;  // the probe is in the model, so it can touch the simulated object
-    // `fault` stays until a command or the hand clears it; false while a short pose silence only fades the force
+    // latched: `fault` stays until a command or the hand clears it. It is false while a short pose silence only fades
+    // the force.
     bool latched;
-    bool braking;                   // the hand is too fast and feels only damping
-    bool yielding;                  // the force fades to 0 because the physics changes or the hand holds the clutch
-    bool rejoining;                 // force_n was frozen longer than hold_ms and approaches the contact force
-    bool nonfinite;                 // NONFINITE is latched, or is hidden by an ESTOP; true until the object is reset
-    kn_fault fault;                 // reason why the force is latched or fading
-    int64_t clamps, guards, faults; // counts since init: ticks with clamp, ticks in which the guard acted, faults
-    int64_t slewed;                 // number of ticks in which a ramp or a slope limited the force; not in snapshots
-    int64_t brakes;                 // number of ticks with braking; not in snapshots
-    int64_t tripped[KN_FAULTS];     // number of faults of each kind, indexed by kn_fault
+    bool braking;   // the hand is too fast and feels only damping
+    bool yielding;  // the force fades to 0 because the physics changes or the hand holds the clutch
+    bool rejoining; // force_n was frozen longer than hold_ms and approaches the contact force
+    bool nonfinite; // NONFINITE is latched, or is hidden by an ESTOP; true until the object is reset
+    kn_fault fault; // reason why the force is latched or fading
+    // counts since init: ticks in which the clamp acted, ticks in which the guard acted, faults
+    int64_t clamps, guards, faults;
+    int64_t slewed;             // number of ticks in which a ramp or a slope limited the force; not in snapshots
+    int64_t brakes;             // number of ticks with braking; not in snapshots
+    int64_t tripped[KN_FAULTS]; // number of faults of each kind, indexed by kn_fault
 } kn_safety;
 
 typedef struct kn_safety_in {
@@ -165,12 +168,13 @@ void kn_safety_trip(kn_safety *s, kn_fault fault);
 // messages stop, the client holds the last force for hold_ms. Then the force fades, is zero at zero_ms, and stays zero
 // until kn_watchdog_rearm. If messages return before zero_ms, the force comes back in a ramp.
 typedef struct kn_watchdog {
-    int hold_ms, zero_ms; // times without a message until the force fades, and until the force is zero
-    int silent_ms;        // time since the last message
-    double factor;        // factor 0..1 for the last received force
-    bool armed;           // a message has arrived since kn_watchdog_init or kn_watchdog_rearm
-    bool tripped;         // messages were missing for zero_ms: the force stays zero until kn_watchdog_rearm
-    int64_t trips;        // number of times that the watchdog has tripped
+    // hold_ms: time without a message until the force fades; zero_ms: time until the force is zero
+    int hold_ms, zero_ms;
+    int silent_ms; // time since the last message
+    double factor; // factor 0..1 for the last received force
+    bool armed;    // a message has arrived since kn_watchdog_init or kn_watchdog_rearm
+    bool tripped;  // messages were missing for zero_ms: the force stays zero until kn_watchdog_rearm
+    int64_t trips; // number of times that the watchdog has tripped
 } kn_watchdog;
 void kn_watchdog_init(kn_watchdog *w, int hold_ms, int zero_ms); // hold_ms 0: 3 ms; zero_ms 0: hold_ms + 17 ms
 // Call every ms. `fresh`: a message has arrived since the last call. elapsed_ms: time since the last call. Return the

@@ -33,7 +33,8 @@ struct kn_field;
 
 typedef struct kn_solid {
     kn_solid_kind kind;
-    double half_m[3];       // BOX: half extents without the rounding; CYLINDER: [0] radius, [2] half length without it
+    // BOX: half extents without the rounding. CYLINDER: [0] radius and [2] half length, both without the rounding.
+    double half_m[3];
     double radius_m;        // radius of the ball, of the capsule or cylinder, or of a box's rounded edges
     double length_m;        // CAPSULE, CYLINDER: length along z
     double at_m[3];         // origin of the part in the tool frame

@@ -341,7 +341,7 @@ static bool check_parts(checker *c, int *parent, int *members)
         if (members[e] == 0) continue;
         parts++;
         if (least < 0 || members[e] <= members[least])
-            least = e; // of two equally large parts, the later one in the file
+            least = e; // if two parts are equally small, choose the later one in the file
     }
     if (parts == 1) return true;
     return fault(

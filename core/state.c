@@ -6,8 +6,8 @@
 size_t kn_state_field(const kn_model *m, int components)
 {
     if (components != KN_FORWARD) return kn_model_field(m, components) * kn_model_real(m);
-    // The field `strain`: the strain of a Voigt element without damper follows from the edge's length and is not
-    // stored. The integer solver stores it all the same, because it sums the strain up step by step.
+    // Size of the field `strain`. Without a damper, the strain of the Voigt element follows from the edge's length, so
+    // it is not stored. Only the integer solver always stores the strain, because it sums the strain up step by step.
     const bool read_off = m->law.kind == KN_LAW_VOIGT && m->def.solver.kind != KN_SOLVER_FIXED;
     return read_off ? 0 : m->edge_reals * kn_model_real(m);
 }

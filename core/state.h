@@ -45,8 +45,9 @@ typedef struct kn_anchor {
 typedef struct kn_state {
     int64_t tick; // number of steps since reset; not hashed, so an untouched object keeps its hash
     kn_probe_state probe[KN_PROBES_MAX];
-    uint64_t chatter_bits;             // bit i is set if the increment of the contact force changed sign i steps ago
-    double last_force_n, last_delta_n; // contact force of the last step, and its increment
+    uint64_t chatter_bits; // bit i is set if the increment of the contact force changed sign i steps ago
+    // last_force_n: contact force of the last step; last_delta_n: its increment in this step
+    double last_force_n, last_delta_n;
     // largest norm of the preconditioned residual in recent steps, with a decay over 1 s
     double residual_scale;
     int64_t secant_steps; // number of steps that will still use the secant linearisation

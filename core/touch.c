@@ -71,8 +71,8 @@ static bool piece_of_sample(const kn_model *m, int p, const kn_sample *s, piece 
     return true;
 }
 
-// Return the width along one axis of that part of a node's cell that lies under the plate, but at least a tenth of the
-// cell, because a held node may lie just beside the plate.
+// A part of a node's cell lies under the plate. Return the width of this part along one axis, but at least a tenth of
+// the cell, because a held node may lie just beside the plate.
 static double under(double x, double size_m, double cell_m)
 {
     double half = 0.5 * size_m;

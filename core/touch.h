@@ -27,11 +27,12 @@
 
 #define KN_TOUCH_CELLS 8 // number of cells of the pressure map along each side of the face
 
-typedef struct kn_touch {    // all 0: nothing touches
-    double area_m2;          // area of the skin that carries force, measured on the undeformed object
-    double centre_m[3];      // centre of pressure: mean position of the touched skin, weighted by force
-    double normal[3];        // unit normal n out of the object: mean over the contact, weighted by force
-    double peak_pressure_pa; // highest pressure of a sample; on curved skin above the pressure of every cell
+typedef struct kn_touch { // all 0: nothing touches
+    double area_m2;       // area of the skin that carries force, measured on the undeformed object
+    double centre_m[3];   // centre of pressure: mean position of the touched skin, weighted by force
+    double normal[3];     // unit normal n out of the object: mean over the contact, weighted by force
+    // highest pressure of a sample; on curved skin higher than the pressure of any cell of the map
+    double peak_pressure_pa;
     // Tangential velocity of the skin relative to the tool: mean over the contact, weighted by force. If the tool
     // slides along +x over resting skin, the velocity points along -x. It is 0 for a plate, which sticks.
     double slip_velocity_m_s[3];
@@ -39,8 +40,9 @@ typedef struct kn_touch {    // all 0: nothing touches
 } kn_touch;
 
 typedef struct kn_touch_face {
-    double u[3], v[3];          // unit vectors of the face's two directions, in the tool frame
-    double low_m[2], size_m[2]; // along u and v: lowest corner of the face, from the tool's position; sides of the face
+    double u[3], v[3]; // unit vectors of the face's two directions, in the tool frame
+    // Along u and v. low_m: lowest corner of the face, from the tool's position; size_m: sides of the face.
+    double low_m[2], size_m[2];
 } kn_touch_face;
 
 // Compute the face of probe p that is perpendicular to a unit normal in the tool frame. Real-time safe.

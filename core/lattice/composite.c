@@ -86,8 +86,8 @@ int kn_composite_nodes(const kn_model_def *def)
     return sum;
 }
 
-// Return the axis with the most nodes among those whose nodes fit into `vectors` vectors, because rows along it are
-// fewest. Return -1 if no axis fits.
+// Return the axis for the rows: the one with the most nodes that still fit into `vectors` vectors. Rows along this axis
+// are fewest. Return -1 if no axis fits.
 static int widest(const kn_grid *g, int vectors)
 {
     int best = -1;
@@ -458,7 +458,8 @@ static double apply(const kn_model *m, kn_state *state, double beta)
     const kn_composite *c = m->composite;
     double dq = 0;
     view v;
-    // copy the search direction of the masters to their tied nodes; after the product, `update` gathers q
+    // copy the search direction of the masters to their tied nodes; `update` adds the products q of tied nodes to their
+    // masters
     spread(m, kn_state_work(state)->z);
     for (int p = 0; p < c->part_count; p++) {
         view_of(m, state, p, &v);
@@ -491,7 +492,8 @@ static void integrate(const kn_model *m, kn_state *state)
         view_of(m, state, p, &v);
         c->inside->integrate(&c->part[p], &v.state);
     }
-    // tied nodes have moved like their masters except for rounding: copy again, so that rounding does not accumulate
+    // tied nodes have moved like their masters except for rounding: copy the masters' values again, so that rounding
+    // does not accumulate
     spread(m, state->displacement);
     spread(m, state->velocity);
     spread(m, state->change);

@@ -38,7 +38,7 @@ uint8_t kn_support_mask(kn_support support)
 void kn_top_list(kn_model *m, double sum)
 {
     m->top_count = 0;
-    // top_share turns from an array indexed by node into one indexed by top node, in place: top_count <= node
+    // on entry top_share is indexed by node, on return by top node; this works in place because top_count <= node
     for (int node = 0; node < m->node_count; node++) {
         const double share = m->top_share[node];
         if (!(share > 0)) continue;

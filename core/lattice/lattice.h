@@ -98,8 +98,8 @@ typedef struct kn_composite {
     kn_tie *tie; // ties of all parts, in the order of the tied nodes' parts; the masters of a tie are in earlier parts
     int tie_first[KN_COMPOSITE_PARTS + 1];
     // Ids of the coarse nodes: the node at every place whose three coordinates in fine cells are even, x fastest. If
-    // several coarse parts have a node at this place, the id is that of the earliest part. Inside the fine box it is
-    // -1.
+    // several coarse parts have a node at this place, the entry is the id of the node in the earliest part. Inside the
+    // fine box the entry is -1.
     int *place;
 } kn_composite;
 

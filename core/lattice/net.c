@@ -251,8 +251,8 @@ typedef struct mesh_specimen { // a net under test; strains are small, so direct
     double kappa_m, volume_m3;
 } mesh_specimen;
 
-// Memory of a test: vectors of three reals per node (x to moved), and a unit vector n, a stiffness k and the law's
-// strain u for each edge.
+// Memory of a test: the arrays x to moved have three reals per node. The arrays n (unit vector), k (stiffness) and u
+// (strain of the law) are per edge.
 typedef struct bench {
     const mesh_specimen *s;
     double *x, *r, *z, *d, *q, *jacobi, *f;

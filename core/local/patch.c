@@ -12,8 +12,9 @@
 
 #define GROUPS_MAX 32 // largest number of groups per grouping; the nodes of further groups join the last group
 
-typedef struct group {                      // a set of connected pressed nodes
-    double force_n, from_n[KN_PATCHES_MAX]; // force on the group's nodes; from_n[j]: force on those of old patch j
+typedef struct group { // a set of connected pressed nodes
+    // force_n: force on the group's nodes; from_n[j]: part of it on nodes of old patch j
+    double force_n, from_n[KN_PATCHES_MAX];
     int number;
 } group;
 
@@ -204,8 +205,8 @@ static int first_free(unsigned taken)
 }
 
 // Give patch numbers to the groups, beginning with the strongest. A group gets the number of the old patch whose nodes
-// carry most of the group's force, or else a free number. If there are more groups than numbers, the weakest groups
-// share one number. Return the numbers in use as bits.
+// carry most of the group's force. If there is no such patch, the group gets a free number. If there are more groups
+// than numbers, the weakest groups share one number. Return the numbers in use as bits.
 static unsigned give_numbers(kn_patches *s)
 {
     int order[GROUPS_MAX], own = s->groups < KN_PATCHES_MAX ? s->groups : KN_PATCHES_MAX;
@@ -563,8 +564,9 @@ static void assemble(kn_mobility *m)
     memset(w->r, 0, kn_state_field(model, 3));
     memset(w->p, 0, kn_state_field(model, 6));
     model->kernels->edge(model, m->rest, KN_LINEARIZATION_TANGENT, false);
-    // Multiply the stiffness by S, and divide it by the slope that the flow of the dampers at rest causes. w->g holds
-    // one real per edge, the stiffness, for a block in f64, and else three, a vector with the root of the stiffness.
+    // Multiply the stiffness by S. Divide it by the law's slope at rest, which is below 1 because the dampers flow. For
+    // a block in f64, w->g holds one real per edge, which is proportional to the stiffness. Otherwise it holds a vector
+    // per edge, whose length is the root of the stiffness.
     const double softer = SLOWER / model->law.slope_rest;
     const size_t reals = (size_t)kn_work_edge(model);
     scale(model, w->g, reals * model->edge_reals, reals == 1 ? softer : sqrt(softer));

@@ -53,7 +53,8 @@ const int *kn_patches_near(const kn_patches *patches, int node, int *count);
 //
 // kn_ahead_places computes the exact point, distance and direction of a place. It starts at the node and moves along
 // the skin by (d + r) times the tangential part of the distance gradient. Here d is the distance at the node and r the
-// tool's smallest half width. If the tool is a ball of radius r there, the result is the nearest point.
+// tool's smallest half width. If the tool's surface near the place is a ball of radius r, the result is the nearest
+// point.
 
 typedef struct kn_place {
     int node;         // node of the skin at which the sweep found the place

@@ -105,7 +105,7 @@ void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, c
 }
 
 // Return the mark of the value that was written last. An error about two values that do not fit together points at this
-// mark. A --set counts as later than the file, and a second --set as later than the first.
+// mark. Every --set is later than the file, and the second --set is later than the first.
 static kn_mark later_of(kn_mark x, kn_mark y)
 {
     if (x.source != y.source) return x.source > y.source ? x : y;
@@ -265,7 +265,7 @@ static bool finish_modulus(kn_draft *draft, kn_key_id id)
 }
 
 // Compute alpha and beta of an exponential damper from c_max and c_min, if the scene gives c_max and c_min instead.
-// Call before the check for missing keys, because afterwards alpha and beta count as given.
+// Call before the check for missing keys, because this function marks alpha and beta as given.
 static bool take_ends(kn_draft *draft)
 {
     static const kn_key_id ends[2] = {KN_KEY_C_MAX, KN_KEY_C_MIN}, curve[2] = {KN_KEY_ALPHA, KN_KEY_BETA};
@@ -277,8 +277,8 @@ static bool take_ends(kn_draft *draft)
     // c_max and c_min need p0 and p1
     if (!kn_draft_given(draft, 0, KN_KEY_P0) || !kn_draft_given(draft, 0, KN_KEY_P1))
         return require(draft, 0, kn_draft_given(draft, 0, KN_KEY_P0) ? KN_KEY_P1 : KN_KEY_P0);
-    // c_max and c_min must both be given. An alpha or beta of the same or a later source is an error. Then alpha and
-    // beta count as written at the place of c_max and c_min.
+    // c_max and c_min must both be given. It is an error if the same or a later source also gives alpha or beta. The
+    // place of c_max and c_min becomes the place of alpha and beta.
     for (int i = 0; i < 2; i++) {
         if (!kn_draft_given(draft, 0, ends[i]))
             return kn_draft_complain(draft, at, "%s is missing, expected it beside %s", kn_keys[ends[i]].path,
@@ -435,7 +435,7 @@ static bool finish_solver(kn_draft *draft)
 
 bool kn_draft_finish_point(kn_draft *draft)
 {
-    // a quality point can change the spacing of a block, but nothing in a mesh
+    // a quality point can change the spacing of a block; a mesh stays as it is and needs no second check
     if (!*draft->mesh_path && !finish_object(draft)) return false;
     for (int slot = 1; slot <= draft->scene.model.probe_count; slot++)
         if (!finish_probe(draft, slot)) return false;

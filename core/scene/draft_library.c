@@ -105,7 +105,8 @@ bool kn_draft_take_device(kn_draft *draft, const kn_draft *from, kn_mark mark)
 }
 
 // Return true if the canonical text must hold all keys of the device. With all keys in the text, a log can be replayed
-// even after the profile has changed. The device bench needs no keys in the text, unless the scene itself gives one.
+// even after the profile has changed. For the device bench, the text needs these keys only if the scene itself gives
+// one.
 static bool says_all(const kn_draft *draft)
 {
     bool all = strcmp(draft->scene.device.name, "bench") != 0;

@@ -56,8 +56,8 @@ static const char *no_file(const char *path)
     return S_ISREG(what.st_mode) ? NULL : "not a regular file";
 }
 
-// Return true if the file must have the hash in the text. A hash in the text does not count if a later --set names
-// another file.
+// Return true if the file must have the hash in the text. A hash in the text is ignored if a later --set names another
+// file.
 static bool hash_counts(const kn_draft *draft, const kn_draft_file *file)
 {
     kn_mark hash = draft->at[file->slot][file->hash];
@@ -71,12 +71,15 @@ static bool load(kn_draft *draft, const kn_draft_file *file, const char *path)
     uint64_t hash, *said = kn_draft_field(draft, file->slot, file->hash);
     if (!file->load(draft, file->slot, path, &hash)) return false;
     if (hash_counts(draft, file) && hash != *said)
-        return kn_draft_complain(draft, draft->at[file->slot][file->hash],
-                                 "%s is %016" PRIx64 ", but the mesh has %016" PRIx64
-                                 ": the file has changed since, expected the old one (there, or beside this file)",
-                                 kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
+        return kn_draft_complain(
+            draft, draft->at[file->slot][file->hash],
+            "%s is %016" PRIx64 ", but the mesh has %016" PRIx64
+            ": the file has changed since the hash was written, expected the old file (at its path, or beside "
+            "this file)",
+            kn_draft_path(draft, file->slot, file->hash, name), *said, hash);
     *said = hash;
-    draft->at[file->slot][file->hash] = mark_of(draft, file); // the hash counts as given: the canonical text holds it
+    // mark the hash as given, so that the canonical text contains it
+    draft->at[file->slot][file->hash] = mark_of(draft, file);
     return true;
 }
 

@@ -180,7 +180,7 @@ bool kn_draft_fine(kn_draft *draft)
     double low_m[3] = {INFINITY, INFINITY}, high_m[3] = {-INFINITY, -INFINITY}, width = 0;
     memset(def->fine, 0, sizeof def->fine);
     if (!kn_draft_given(draft, 0, KN_KEY_ACCURACY) || draft->scene.accuracy == 0) return true;
-    // the scene asks for coarse cells, so refuse an object that cannot have any; the reach of the tools does not matter
+    // the scene asks for coarse cells, so first refuse an object that cannot have any, wherever its tools reach
     const char *unfit = kn_composite_unfit(def);
     if (unfit) return kn_draft_complain(draft, draft->at[0][KN_KEY_ACCURACY], "object.accuracy: %s", unfit);
     // find the smallest rectangle within which all tools stay, and the width of the widest tool
@@ -201,7 +201,7 @@ bool kn_draft_fine(kn_draft *draft)
                                  "probes.%s.reach and the reach of every other probe lie outside the object, "
                                  "expected at least one on the object",
                                  def->probe[0].name);
-    // the box of fine cells reaches from the top down by BELOW margins, of which kn_composite_box adds one
+    // the box reaches from the top down by BELOW margins; kn_composite_box adds one of them below low_m
     double margin = kn_draft_given(draft, 0, KN_KEY_MARGIN) ? draft->margin_m : MARGIN_WIDTHS * width;
     high_m[2] = (def->nodes[2] - 1) * def->spacing_m;
     low_m[2] = high_m[2] - (BELOW - 1) * margin;

@@ -275,10 +275,10 @@ static size_t common(const char *a, const char *b)
 }
 
 // Compare one existing path (the first `size` characters of `path`) with the best suggestion so far for a wrong path.
-// If the existing path is better, write it into `text`. It is better if fewer edits turn the last name of the wrong
-// path into its last name. If the number of edits is equal, the path with the longer beginning in common with the wrong
-// path is better. `handicap`: added to the number of edits. *least, *near: edits and common beginning of the best
-// suggestion.
+// If the existing path is better, write it into `text`. The better path is the one whose last name differs from the
+// last name of the wrong path by fewer edits. If the numbers of edits are equal, the better path is the one that has
+// the longer beginning in common with the wrong path. `handicap` is added to the number of edits. *least and *near are
+// the number of edits and the length of the common beginning of the best suggestion.
 static void consider(const char *wrong, const char *path, size_t size, int handicap, int *least, size_t *near,
                      char text[KN_LINE_MAX])
 {

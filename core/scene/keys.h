@@ -71,7 +71,7 @@
     "shape of the skin between nodes in contact; none: spline, smoother under tools of a radius below 2 spacings")    \
   X(VARIANT, ALWAYS, "material.variant", CHOICE, 1, "rheological|viscoelastic|plastic", 0, 0, "rheological",          \
     variant,                                                                                                          \
-    "rheological: the material as written; others by the second paper's rules; short form: material: NAME-VARIANT")   \
+    "rheological: values as written; the others follow the second paper's rules; short form: material: NAME-VARIANT") \
   X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
     scene.model.material.k1_pa, "modulus of the spring in the Voigt element")                                         \
   X(C1, ALWAYS, "material.c1", MODULUS, 1, "Pa*s", 0, 1e9, NULL,                                                      \
@@ -121,7 +121,7 @@
   X(TORQUE_CLAMP, ALWAYS, "device.torque_clamp", REAL, 1, "N*m", 1e-3, 10, "(0.05 m * clamp)",                        \
     scene.limits.torque_clamp_n_m, "largest torque on a hand")                                                        \
   X(GUARD, ALWAYS, "device.guard", REAL, 1, "N/ms", 0.1, 100, "4 N/ms", scene.limits.guard_n_per_ms,                  \
-    "impulse guard: largest change of force, per ms since the last tick with a pose; at most device.hold ms count")   \
+    "impulse guard: largest change of force per ms; after a gap in the poses, per ms of gap up to device.hold")       \
   X(BRAKE_SPEED, ALWAYS, "device.brake_speed", REAL, 1, "m/s", 0.05, 5, "1.2 m/s",                                    \
     scene.limits.brake_m_s, "speed of the hand above which the force is only a damping force")                        \
   X(BRAKE_DAMPING, ALWAYS, "device.brake_damping", REAL, 1, "N*s/m", 0.01, 10, "1.5 N*s/m",                           \

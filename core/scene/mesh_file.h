@@ -81,8 +81,8 @@ bool kn_shell_write_off(const kn_shell *shell, const char *path);
 typedef struct kn_words {
     const char *name;           // name of the file, for error messages
     const unsigned char *bytes; // contents of the file, not owned
-    size_t size, at;            // number of bytes in the file; position of the next byte to read
-    size_t begun;               // position where the last word or number begins that was read
+    size_t size, at;            // size: number of bytes in the file; at: position of the next byte to read
+    size_t begun;               // position where the word or number that was read last begins
     const char *section;        // section that is being read, e.g. "$Nodes", for error messages
     bool binary;                // numbers of the file are binary, little-endian; false: numbers are text
     char *error;

@@ -59,8 +59,8 @@ static bool read_format(reader *r)
         return false;
     if (one != 1)
         return complain(r, r->words.begun,
-                        "the bytes are in the order of another machine, expected little-endian: "
-                        "gmsh -0 IN.msh -save -format msh41 -o OUT.msh there");
+                        "the bytes are in the order of another machine, expected little-endian: on that "
+                        "machine, run gmsh -0 IN.msh -save -format msh41 -o OUT.msh");
     r->version = version;
     return kn_words_section_end(&r->words);
 }

@@ -12,9 +12,9 @@
 #define PATH_CHARACTERS "abcdefghijklmnopqrstuvwxyz0123456789_." // characters of the key in --set key=value
 enum { FILE_MAX_BYTES = 1 << 20, NAME_MAX_BYTES = 32, VALUE_MAX_BYTES = 64 };
 
-// State of the reader, which makes one pass over the events of libyaml. The key table decides which event may follow.
-// So mappings nest no deeper than the paths in the key table, and an unknown key ends the reading. No input can make
-// the reader slow or use much memory.
+// State of the reader, which makes one pass over the events of libyaml. The key table decides which event may follow an
+// event. So mappings nest no deeper than the paths in the key table, and an unknown key ends the reading. No input can
+// make the reader slow or use much memory.
 typedef struct reader {
     kn_draft *draft;
     int source; // source of the text: KN_SOURCE_FILE or the number of the --set option

@@ -51,9 +51,9 @@ typedef struct kn_scene {
 } kn_scene;
 
 // Load a scene from a file, or parse the text of a scene of `size` bytes; `name` is then the file's name for messages.
-// Each of the set_count texts in `sets` is "key=value" as given to --set. They replace values of the file in their
-// order. Return a scene, which the caller destroys. If anything is wrong, return NULL and write one line into `error`,
-// a buffer of error_size bytes.
+// Each of the set_count texts in `sets` is "key=value" as given to --set. They replace values of the file, one after
+// the other. Return a scene, which the caller destroys. If anything is wrong, return NULL and write one line into
+// `error`, a buffer of error_size bytes.
 kn_scene *kn_scene_load(const char *path, const char *const *sets, int set_count, char *error, size_t error_size);
 kn_scene *kn_scene_parse(const char *name, const char *text, size_t size, const char *const *sets, int set_count,
                          char *error, size_t error_size);
@@ -66,8 +66,8 @@ void kn_scene_destroy(kn_scene *scene); // does nothing if `scene` is NULL
 void kn_scene_clear(kn_scene *scene);   // free text, mesh and tools of a scene, but not the scene itself
 
 const char *kn_quality_name(kn_quality quality); // "fast", "balanced", "accurate", "own"
-// Return the text "quality=NAME", which --set understands and for which --quality NAME stands. Return NULL if the name
-// is not one of kn_quality_names.
+// Return the text "quality=NAME". `--set quality=NAME` is the long form of `--quality NAME`. Return NULL if the name is
+// not one of kn_quality_names.
 const char *kn_quality_set(const char *name);
 extern const char kn_quality_names[]; // all names in one text: "fast, balanced, accurate or own"
 

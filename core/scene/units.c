@@ -165,7 +165,7 @@ double kn_quantity_in(const kn_quantity *q, const kn_unit *unit)
     char number[sizeof q->digits + 16];
     snprintf(number, sizeof number, "%se%d", q->digits, q->exponent + q->unit.ten - unit->ten);
     double value = strtod(number, NULL);
-    // multiply by the other factors: each has a power in the unit of q and a power in `unit`; the difference counts
+    // multiply by the other factors: the exponent of each is its power in the unit of q minus its power in `unit`
     for (int i = q->unit.gf - unit->gf; i > 0; i--) value *= GF_NEWTON;
     for (int i = q->unit.gf - unit->gf; i < 0; i++) value /= GF_NEWTON;
     for (int i = q->unit.atm - unit->atm; i > 0; i--) value *= ATM_PASCAL;

@@ -155,5 +155,5 @@ bool kn_words_section_end(kn_words *w)
     char text[KN_WORD_MAX], end[KN_WORD_MAX];
     snprintf(end, sizeof end, "$End%s", w->section + 1);
     if (kn_words_next(w, text) > 0 && strcmp(text, end) == 0) return true;
-    return kn_words_complain(w, w->begun, "expected %s after what was declared", end);
+    return kn_words_complain(w, w->begun, "expected %s after the declared items", end);
 }

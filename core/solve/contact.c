@@ -13,7 +13,8 @@
 // ms only.
 static int samples_per_patch(double spacing_m, const kn_shape *shape) { return shape->fine_m > 4 * spacing_m ? 2 : 4; }
 
-// Distance from the tool up to which a gripped sample is found, m. No force of a grip stretches a contact as far.
+// Distance from the tool up to which a gripped sample is found, m. No grip is strong enough to stretch a contact as far
+// as this.
 #define GRIP_M 0.002
 
 // Return the largest distance from the tool, m, at which a sample can still come into contact in this step, with the
@@ -83,8 +84,8 @@ static bool held_by_other(const kn_model *model, const kn_state *state, int p, i
 
 // Return true if a node that is not held moves away from the plate by itself. `above`: depth of the node above the
 // plane of the plate; `way`: its own displacement in this step. If such a node were held, a plate that slows down would
-// take back nodes that it has just released. ROUNDING covers a released node that overlaps the plate by the rounding of
-// its displacement only.
+// take back nodes that it has just released. A released node may overlap the plate by the rounding error of its
+// displacement; ROUNDING is the limit of this overlap.
 #define ROUNDING 0x1p-20
 static bool gets_away(double above, double way, double displacement)
 {
@@ -274,8 +275,8 @@ static void weights(const kn_model *model, double t, int i, int n, double w[3])
     else spline(t, i, n, w);
 }
 
-// Return true if the place i + t of a row of n nodes lies outside the block. The patch of a node at the end of a row
-// lies outside with one half.
+// Return true if the place i + t of a row of n nodes lies outside the block. If node i is at the end of the row, one
+// half of its patch lies outside.
 static bool overhangs(double t, int i, int n) { return (t < 0 && i == 0) || (t > 0 && i == n - 1); }
 
 // Compute the point (tu, tv) of a patch, each in [-1/2, 1/2]. Return false if this point lies outside the block.

@@ -42,7 +42,7 @@ static inline double kn_probe_foundation(const kn_probe_def *probe)
 }
 
 typedef struct kn_held_node { // a node that a plate holds in this step
-    int node, top;            // id of the held node; index of the node in model->top
+    int node, top;            // node: id of the held node; top: index of the node in model->top
     int probe;                // probe whose plate holds the node
     double velocity_m_s[3];
     double force_n[3]; // set by the solver: force of the node on the plate
@@ -69,7 +69,7 @@ typedef struct kn_sample { // a point of the skin near a tool
     double rate_m_s[3];             // velocity of the skin at the sample, for the last field that `look` has read
     struct kn_sample_line {         // linearised contact force of the sample, set by the solver
         bool active;                // true: the force along the normal is slope_n_m * depth + offset_n; false: 0
-        double slope_n_m, offset_n; // tangent of the pressure law; k A and 0 without a layer
+        double slope_n_m, offset_n; // tangent of the pressure law; without a layer the slope is k A and the offset is 0
         // Stiffness along the skin. It is k A while the sample sticks. While the sample slides, it is a secant
         // stiffness, chosen so that the friction force at the end of the step lies on Coulomb's cone.
         double side_n_m;

@@ -111,12 +111,12 @@ static void judge(double dt, const kn_contact *c, kn_sample *s)
         s->line.offset_n = -used * used * s->layer_m * s->line.slope_n_m;
     }
     if (!s->line.active || !(s->friction > 0)) return;
-    // for friction, adhesion counts as additional pressure, so that contact held by adhesion does not slip off
+    // add the adhesion to the pressure before computing friction, so that contact held by adhesion does not slip off
     double pressed = s->line.slope_n_m * depth + s->line.offset_n - k * s->lowest_m;
     double size = sqrt(kn_dot(stretch, stretch));
     double cone = s->friction * fmax(0, pressed);
-    // if the sticking force is inside Coulomb's cone, the sample sticks with the stiffness k; else it slides, and the
-    // secant ends on the cone
+    // if the sticking force is inside Coulomb's cone, the sample sticks with the stiffness k; otherwise it slides, and
+    // the secant stiffness puts the force on the cone
     s->line.side_n_m = k * size <= cone ? k : cone / size;
 }
 

@@ -135,7 +135,7 @@ LANES_INLINE void cell_shape(const tables *t, const fields *f, const int to[4], 
 static const int pair_of[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
 // Add the gas forces at the end of the step to the residual of the corners of sixteen cells. Add the slope of the
-// pressure to the corners' diagonal blocks, and keep g for the products.
+// pressure to the corners' diagonal blocks, and store the vectors g for the matrix products.
 LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row, const int to[4], int k, bool flat)
 {
     const int dims = flat ? 2 : 3;
@@ -322,8 +322,8 @@ static double pressure_product(const kn_model *model, kn_state *state)
     return K == 1 ? cells_pass(model, state, 1, false, true) : cells_pass(model, state, K, false, true);
 }
 
-// Set the constants of Boyle's law. Lengths are in spacings, and the slopes are those of J times `whole`. So dV/dx =
-// V0/(h whole) slope.
+// Set the constants of Boyle's law. cell_shape computes lengths in spacings and slopes that are larger by the factor
+// `whole`, so dV/dx = V0/(h whole) slope.
 static void build_cells(tables *t, const kn_model *model)
 {
     const kn_grid *g = &model->grid;
@@ -335,7 +335,7 @@ static void build_cells(tables *t, const kn_model *model)
     t->cell_push = (real)(gas * v0 / (h * whole));
     t->cell_rate = (real)(dt / (h * whole));
     t->cell_root = (real)(sqrt(dt * gas * v0) / (h * whole));
-    // in a flat object there is one row per plane (rows follow one another along c), or one plane (along b)
+    // a flat object has either one row per plane (its rows follow one another along c) or one plane (along b)
     const bool upright = g->flat && g->len[1] == 1;
     t->cell_axis[0] = g->axis[0];
     t->cell_axis[1] = g->axis[upright ? 2 : 1];

@@ -5,24 +5,27 @@
 // Constants of a model in its precision, equal for every instruction set. The share of a node along an axis is 1/2 at
 // the two ends of the block and 1 between them.
 typedef struct tables {
-    law_tables law;                       // must be first: its arrays are then aligned to 64 bytes like the block
-    real direction[KN_FORWARD][3];        // rest vector of forward edge e [m]
-    real inverse[KN_FORWARD];             // factor 1/(gamma L0) from growth rate to strain rate [1/m]
-    real area[KN_FORWARD];                // factor gamma kappa L0 from stress to force [m^2]
-    real root;                            // factor sqrt(kappa A) from sqrt(ds/db) to sqrt(force per rate)
-    real mass_dt, weight;                 // mass over dt [kg/s] and downward force [N] of an inner node
-    int vectors, rows, row_count, planes; // number K of vectors per row; rows per plane; rows in all; planes
-    real *lane_share;                     // [K][16] share of a node along the row, 0 in the padding
-    real *lane_mass;                      // [K][16] equal to lane_share, but 1 in the padding, so no block is singular
+    law_tables law;                // must be first: its arrays are then aligned to 64 bytes like the block
+    real direction[KN_FORWARD][3]; // rest vector of forward edge e [m]
+    real inverse[KN_FORWARD];      // factor 1/(gamma L0) from growth rate to strain rate [1/m]
+    real area[KN_FORWARD];         // factor gamma kappa L0 from stress to force [m^2]
+    real root;                     // factor sqrt(kappa A) from sqrt(ds/db) to sqrt(force per rate)
+    real mass_dt, weight;          // mass over dt [kg/s] and downward force [N] of an inner node
+    // vectors: number K of vectors per row; rows: rows per plane; row_count: rows of the whole block
+    int vectors, rows, row_count, planes;
+    real *lane_share; // [K][16] share of a node along the row, 0 in the padding
+    real *lane_mass;  // [K][16] equal to lane_share, but 1 in the padding, so no block is singular
     // [3][K][16] weight along the row of the edges from a node to a node shifted by -1, 0 and +1 along the row. For
     // shifts -1 and +1: 1 if the edge exists, else 0. For shift 0: the node's share.
     real *lane_near[3];
     real *lane_near_root[3];
-    real *lane_here[3];                                    // [3][K][16] 1 if the edge of this shift exists, else 0
-    real *row_share, *row_root, *plane_share, *plane_root; // shares along b and c; their square roots
-    real diagonal, diagonal_root;                          // ratio of a diagonal's stiffness to a side's; its root
-    // Gas: number of cells; 1/h; factors from the slopes of J to P0 dV/dx, to dt dJ/dt, and to sqrt(dt P0/V0) dV/dx;
-    // scene axes of a, b, c; distances of a cell's four rows.
+    real *lane_here[3]; // [3][K][16] 1 if the edge of this shift exists, else 0
+    // row_share, plane_share: shares of a row (along b) and of a plane (along c); row_root, plane_root: their roots
+    real *row_share, *row_root, *plane_share, *plane_root;
+    real diagonal, diagonal_root; // ratio of a diagonal's stiffness to a side's; its root
+    // Gas. cell_inverse_h: 1/h; cell_push, cell_rate, cell_root: factors from the slopes of J to P0 dV/dx, to dt dJ/dt,
+    // and to sqrt(dt P0/V0) dV/dx; cell_axis: scene axes of a, b, c; cell_to: distance from a cell's first row to each
+    // of its four rows.
     int cell_count;
     real cell_inverse_h, cell_push, cell_rate, cell_root;
     int cell_axis[3], cell_to[4];
@@ -245,7 +248,7 @@ typedef struct sums {
 } sums;
 
 // Linearise sixteen edges. Add their forces to the residual and their stiffness to the diagonal blocks of both ends,
-// and keep g for the products.
+// and store the vectors g for the matrix products.
 LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, sums *own)
 {

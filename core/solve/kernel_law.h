@@ -49,12 +49,14 @@ typedef struct law_tables {
     // array is aligned to 64 bytes like the block of tables.
     real middle[KN_LAW_SEGMENTS];
     real stress[DEGREE + 1][KN_LAW_SEGMENTS], slope[3][SLOPE_DEGREE + 1][KN_LAW_SEGMENTS];
-    kn_law_kind kind;            // kind of the law; KN_LAW_TABLE in f64 means the f64 table
-    real a, k1, keep, gain;      // A; k1; the strain advances by u = keep u + gain s
+    kn_law_kind kind;       // kind of the law; KN_LAW_TABLE in f64 means the f64 table
+    real a, k1, keep, gain; // a: A; k1: stiffness of the spring; keep, gain: the strain advances by u = keep u + gain s
     real dt, half_dt, shortest2; // shortest2: lower limit of the squared length in the division for n [m^2]
-    // The law's two straight branches. They end at y = 1 (b0) and yh. `rest`, `flow`: slopes; `root_..`: roots of them.
+    // The law's two straight branches. The resting branch ends at y = 1 (b = b0), the flowing branch begins at y = yh.
+    // rest, flow: their slopes; root_rest, root_flow: roots of the slopes.
     real inverse_b0, b0, yh, rest, flow, root_rest, root_flow;
-    // stops z_in, z_out of the damper; A/dt; distance from a stop below which the damper counts as at the stop
+    // inwards, outwards: stops z_in, z_out of the damper; stop_per_strain: A/dt; stroke_ends: distance from a stop
+    // below which the damper is treated as at the stop
     real inwards, outwards, stop_per_strain, stroke_ends;
     real gamma;
     int shift;
@@ -201,8 +203,8 @@ LANES_INLINE lanes dot(const lanes a[3], const lanes b[3])
 
 // Geometry of sixteen edges. A difference is the value at the far end minus that at the near end.
 typedef struct bars {
-    // vector of the edge at rest, m; change of this vector (difference of displacements), m; difference of the last
-    // velocities, m/s
+    // rest: vector of the edge at rest, m; shift: change of this vector (difference of displacements), m; dv:
+    // difference of the last velocities, m/s
     lanes rest[3], shift[3], dv[3];
     lanes n[3];                   // unit vectors from the near to the far end
     lanes length2, inverse, rate; // squared length; 1/length; growth rate of the length in the last step

@@ -16,8 +16,9 @@ typedef struct tables {
     real *here;     // [batches][16] 1 if there is an edge, 0 in the padding
     real *mass_dt;  // [nodes] mass over dt [kg/s]
     real *weight;   // [nodes] downward force [N]
-    // Gas: number of cells (0 without gas) and of sides from a cell's first corner; corners; rest vectors of the sides;
-    // 1/V0; P0; 1/6 for a tetrahedron, half the thickness for a triangle.
+    // Gas. cells: number of cells, 0 without gas; sides: number of sides from a cell's first corner; corner: corners of
+    // each cell; side: rest vectors of the sides; inverse_volume: 1/V0; outside: P0; sixth: 1/6 for a tetrahedron, half
+    // the thickness for a triangle.
     int cells, sides;
     bool flat;
     int (*corner)[4];
@@ -133,8 +134,8 @@ static void block_add(real p[6], const real g[3])
         for (int k = c; k < 3; k++, m++) p[m] += g[c] * g[k];
 }
 
-// Add the forces of sixteen edges to the residual and their stiffness to the diagonal blocks of both ends. Keep g for
-// the products.
+// Add the forces of sixteen edges to the residual and their stiffness to the diagonal blocks of both ends. Store the
+// vectors g for the matrix products.
 static void scatter(const kn_work *work, const int (*edge)[2], int count, int at, const lanes n[3], lanes tension,
                     lanes root)
 {
@@ -292,7 +293,7 @@ static void gas(const tables *t, real j, real rate, real *over, real *slope)
 }
 
 // Add the gas forces at the end of the step to the residual of the corners of every cell. Add the slope of the pressure
-// to the corners' diagonal blocks, and keep g for the products.
+// to the corners' diagonal blocks, and store the vectors g for the matrix products.
 static void cells_add(const kn_work *work, const tables *t, const real *displacement)
 {
     real *r = work->r, *p = work->p, *kept = work->cell;

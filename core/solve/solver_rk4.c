@@ -53,7 +53,8 @@ void kn_gas_push(const kn_model *model, const double *rest, const double *x, dou
 // Layout of the integrated vector y = [x: 3 per node][v: 3 per node][u: 1 per edge], with nodes and edges in the order
 // of their ids. Once per step, the fields of the state, which have padding, are copied to y and back.
 typedef struct shape {
-    size_t x, v, u, count; // offsets of displacements, velocities and strains in y; number of reals in y
+    // x, v, u: offsets of displacements, velocities and strains in y; count: number of reals in y
+    size_t x, v, u, count;
 } shape;
 
 static shape shape_of(const kn_model *model)

@@ -121,7 +121,7 @@ static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[
     const float beside_x = fmaxf(0, fabsf(x) - (float)p->half_m[0]),
                 beside_y = fmaxf(0, fabsf(y) - (float)p->half_m[1]);
     const float beside2 = beside_x * beside_x + beside_y * beside_y, way = sqrtf(beside2 + d * d) + 1e-9f;
-    // off: distance r' from the centre of the plate; h keeps it above zero
+    // off: distance r' from the centre of the plate; h keeps r' above zero
     const float off2 = x * x + y * y + d * d + h * h, off = sqrtf(off2);
     // down: downward velocity relative to the plate's velocity, interpolated between surface and axis
     const float surface = a / (a + 1.2f * sqrtf(way * a) + 0.8f * way);
@@ -175,21 +175,21 @@ enum {
     GAS_LINE = 20,
     GAS_ITERATION = 2,
     TIE_LINE = 50,
-    TIE_ITERATION = 15, // per tied node of a composite and iteration
+    TIE_ITERATION = 15, // per tied node and per iteration
     RIGID_LINE = 30,
     RIGID_ITERATION = 12,
-    NEWTON_LINE = 1700, // per lane and linearisation, if Newton's method solves the law edge by edge
-    LAW = 4,            // without Newton's method, evaluating the law is 1/LAW of a linearisation
+    NEWTON_LINE = 1700, // per lane and per linearisation, if Newton's method solves the law edge by edge
+    LAW = 4,            // without Newton's method, evaluating the law takes 1/LAW of the time of a linearisation
     F64_TIMES = 2,
     SAMPLE_FIND = 100,
     SAMPLE_LINE = 120,
     SAMPLE_ITERATION = 35,
-    SAMPLE_LOOK = 100, // per sample and look at the contact; all SAMPLE prices count twice with a coupled tool
+    SAMPLE_LOOK = 100, // per sample and per look at the contact; all SAMPLE prices are doubled if a tool is coupled
     HOLD_LINE = 20,
     NODE_GUESS = 18
 };
 
-// Number of iterations with which a linearisation is worth its time.
+// A linearisation is worth its time only if at least this number of iterations follows.
 #define LINE_ITERATIONS 4
 
 // Return the costs, without contact, of a linearisation and of an iteration. `held`: a plate holds nodes in this step,
@@ -214,7 +214,7 @@ static kn_deadline of_lattice(const kn_model *m, bool held)
 
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most)
 {
-    // if any tool is coupled, every sample counts twice
+    // if any tool is coupled, the price of every sample is doubled
     const int64_t samples = contact->sample_count * (int64_t)(1 + contact->coupled);
     kn_deadline d = of_lattice(model, contact->hold_count > 0);
     d.most = most;
@@ -236,14 +236,14 @@ bool kn_deadline_line(kn_deadline *d, bool first)
     return true;
 }
 
-// The price is an upper bound: all nodes once per probe, and one evaluation of the law, because after a guess the first
-// linearisation evaluates the law twice.
+// The price of a guess is an upper bound: one visit of all nodes per probe, and one evaluation of the law. After a
+// guess, the first linearisation evaluates the law a second time.
 int64_t kn_deadline_guess(const kn_deadline *d, const kn_model *model, int lines, int iterations)
 {
-    // there is no guess without a deadline, or if all linearisations fit
+    // make no guess if the step has no deadline, or if all linearisations fit into it
     if (d->most == 0 || d->spent + lines * (d->line + d->look + iterations * d->iteration) <= d->most) return 0;
     const int64_t price = model->def.probe_count * model->node_count * (int64_t)NODE_GUESS + d->law;
-    // there is no guess if it would leave too little time for one linearisation
+    // make no guess if it would leave too little time for one linearisation
     return d->spent + price + d->line + d->look + 2 * d->iteration > d->most ? 0 : price;
 }
 

@@ -99,9 +99,9 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_cont
 // the integer solver, so these solvers have no deadline.
 
 typedef struct kn_deadline {
-    int64_t most, spent; // limit of the step, and count so far [units of work]; `most` 0: no deadline
-    int64_t line, iteration,
-        look;          // estimated work of one linearisation, one iteration, one look at the contact [units]
+    int64_t most, spent; // most: limit of the step, 0: no deadline; spent: count so far [units of work]
+    // estimated work of one linearisation, one iteration, one look at the contact [units]
+    int64_t line, iteration, look;
     int64_t law;       // estimated work of evaluating the law once, a part of a linearisation [units]
     int64_t line_most; // limit of `spent` for the present linearisation
     bool hurried;      // the present linearisation is cut short to leave time for later ones
@@ -124,7 +124,8 @@ int64_t kn_deadline_guess(const kn_deadline *deadline, const kn_model *model, in
 // from this one on, each of at most `iterations` iterations.
 void kn_deadline_share(kn_deadline *deadline, int lines, int iterations);
 
-// Count `units` units of work and return true, if the present linearisation has so many left. Else return false.
+// Count `units` units of work and return true. If fewer units are left for the present linearisation, count nothing and
+// return false.
 bool kn_deadline_spend(kn_deadline *deadline, int64_t units);
 
 // Return the units of work of the shortest step of a model while no tool touches the object.

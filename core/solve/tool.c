@@ -28,7 +28,7 @@ const char *kn_tool_unfit(const kn_probe_def *p, double spacing_m)
         return "every part of a tool must be at least a lattice spacing wide and high";
     if (long_one && !(p->length_m > 0 && isfinite(p->length_m))) return "a capsule or cylinder needs a positive length";
     if (cylinder && !(p->edge_m >= 0 && p->edge_m <= p->radius_m && 2 * p->edge_m <= p->length_m))
-        return "a cylinder's edges must not be rounder than it is wide or long";
+        return "a cylinder's edge radius must be at most its radius and half its length";
     if (p->shape == KN_PROBE_PLATE && !(p->size_m[0] > 0 && p->size_m[1] > 0 && isfinite(p->size_m[0] + p->size_m[1])))
         return "a plate needs two positive sizes";
     if ((long_one || p->shape == KN_PROBE_SPHERE) && !(p->radius_m >= spacing_m && isfinite(p->radius_m)))
@@ -152,7 +152,7 @@ void kn_tool_begin(const kn_model *m, kn_state *state, int p, const kn_probe_inp
             own->turn_rad_s[k] = turns ? turn[k] / catch_up : 0;
         }
     }
-    // the coupling's part of the tool's 6 x 6 system; its rotational stiffness and damping contain l^2
+    // the coupling's part of the tool's 6 x 6 system; stiffness and damping of rotations contain the factor l^2
     const double k_n_m = def->coupling_n_m, b_n_s_m = def->coupling_n_s_m, l2 = KN_COUPLING_ARM_M * KN_COUPLING_ARM_M;
     tool->give[0] = dt * k_n_m + b_n_s_m;
     tool->give[1] = l2 * tool->give[0];
