@@ -357,8 +357,8 @@ static void set_proxy(const kn_contact_unit *unit, kn_contact_body *b, const dou
 }
 
 // Set the friction force of each unit: the tangential force of the coupling, shared among the units by their normal
-// forces. The message does not contain the tangential back stress. So it is taken as the same share of the friction
-// force as H is of the normal force.
+// forces. The message does not contain the tangential back stress. Its ratio to the friction force is therefore assumed
+// to be the ratio of H to the normal force.
 static void set_shear(kn_contact_body *b, const double x[3])
 {
     double load_n = 0.0;

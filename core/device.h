@@ -43,7 +43,7 @@ const char *kn_device_check(const kn_device_def *device);
 // Store R B, the map from device axes to scene axes.
 void kn_device_axes(const kn_device_def *device, double axes[3][3]);
 
-// Convert a position or velocity of the device into the scene, and a force or torque of the scene to the device. Input
+// Convert a position or velocity from the device to the scene, or a force or torque from the scene to the device. Input
 // and output must be different arrays. kn_device_force expects a force or torque of a force message, which is already
 // multiplied by force_scale, and only turns it.
 void kn_device_position(const kn_device_def *device, const double device_m[3], double scene_m[3]);

@@ -73,7 +73,7 @@ int kn_element_count(const kn_element *e, int node, kn_element_kind kind);
 const char *kn_element_name(const kn_element *normal);
 
 // Return whether an element (the tree under a node) has a property by the paper's rules. Residual: a part of the
-// deformation stays. Bouncing: a part of the deformation comes back. Vibration dies: vibration decreases.
+// deformation stays. Bouncing: a part of the deformation comes back. Vibration dies: a vibration fades away.
 bool kn_element_residual(const kn_element *e, int node);
 bool kn_element_bouncing(const kn_element *e, int node);
 bool kn_element_vibration_dies(const kn_element *e, int node);

@@ -69,7 +69,8 @@ static double fine_stress(const kn_law *law, double b)
     double yh = law->bh_pa / law->b0_pa, y = b / law->b0_pa, yc = fmin(fmax(y, 1), yh), p = 0;
     uint64_t bits;
     memcpy(&bits, &yc, sizeof bits);
-    // keep the exponent bits and the top mantissa bits that a float has, so that the index is that of the f32 table
+    // keep the exponent bits and the top mantissa bits that a float has, so that the index equals the index in the f32
+    // table
     uint64_t i = ((bits >> 29) - ((uint64_t)1023 << 23)) >> law->shift;
     for (int k = KN_LAW_FINE; k >= 0; k--) p = p * (yc - law->middle[i]) + law->fine[k][i];
     return law->b0_pa * fmax(law->slope_flow * y, fmin(law->slope_rest * y, p));

@@ -265,7 +265,8 @@ static stage stage_from(const kn_network *net, const kn_network_state *state, do
 }
 
 // Compute strain and stress between the ends from the strains of the parts. If a dashpot follows the drive's strain at
-// once, the stress depends on the rate of the strain. So the stress is that of a stage too short to change any strain.
+// once, the stress depends on the rate of the strain. The stress is therefore computed in a stage that is too short to
+// change any strain.
 static bool observe(const kn_network *net, kn_network_state *state, const kn_drive *drive)
 {
     const double instant = 1e-15; // duration of the short stage [s]: far below the time constants of any material
@@ -299,8 +300,8 @@ bool kn_network_jump(const kn_network *net, kn_network_state *state, const kn_dr
 // ---- time
 
 // Return the largest local error of a step, relative to the largest strain. It is the error of the strain of a damper,
-// or of the prescribed strain of the whole element. The strains of springs follow from these, so they have no error of
-// their own.
+// or of the prescribed strain of the whole element. The strains of springs follow from the strains of dampers, so they
+// have no error of their own.
 static double error_of(const kn_network *net, const kn_network_state *state, kn_network_state *next,
                        const kn_drive *drive, double (*taken)[KN_ELEMENT_MAX])
 {

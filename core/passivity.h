@@ -56,9 +56,9 @@ void kn_passivity_init(kn_passivity *p, const kn_passivity_def *def);
 
 // Observe a sample, and store the wanted force in out_n, with damping if there is a debt. Call once per period.
 // `velocity_m_s`: filtered velocity for the damping. `stored_j`: energy U that the object stores and that the hand may
-// get back, at the scale of the hand. If stored_j < 0, U is unknown, and the cap is max(5 mJ, force_limit_n^2 / k_vc).
-// out_n and wanted_n may be the same array. Return true if the controller added damping. The first position adds no
-// work to the account, and neither does a position that is not finite.
+// get back, at the scale of the hand. If stored_j < 0, U is unknown, and the credit is at most max(5 mJ,
+// force_limit_n^2 / k_vc). out_n and wanted_n may be the same array. Return true if the controller added damping. The
+// first position adds no work to the account, and neither does a position that is not finite.
 bool kn_passivity_filter(kn_passivity *p, const double position_m[3], const double velocity_m_s[3], double stored_j,
                          const double wanted_n[3], double out_n[3]);
 

@@ -322,7 +322,7 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
 // guard acted.
 static int guard(kn_safety *s, const double force_n[3])
 {
-    // after ticks without live contact, the allowed change is that of the whole gap, but of at most hold_ms
+    // after ticks without live contact, allow the change of the whole gap, but not more than the change of hold_ms
     int ms = s->gap_ms < 1 ? 1 : s->gap_ms < s->limits.hold_ms ? s->gap_ms : s->limits.hold_ms;
     kn_guard_result result = kn_guard_pass(&s->guard, force_n, s->guard.most_n_per_ms * ms, s->force_n);
     if (result == KN_GUARD_FREE) return 0;

@@ -140,7 +140,7 @@ static double distance_of(const kn_solid *p, const double at[3], double gradient
 
 double kn_shape_distance(const kn_shape *shape, const double at[3], double gradient[3])
 {
-    // the union's distance is that of the nearest part
+    // the distance of a union is the distance of its nearest part
     double nearest = INFINITY;
     if (shape->plain) return distance_of(&shape->part[0], at, gradient);
     for (int i = 0; i < shape->part_count; i++) {
@@ -177,7 +177,7 @@ static double support_of(const kn_solid *p, const double way[3])
     return far + axis + p->radius_m;
 }
 
-// The extent of a union is that of the part that reaches farthest. Each part is evaluated in its own frame.
+// The extent of a union is the extent of the part that reaches farthest. Each part is evaluated in its own frame.
 double kn_shape_support(const kn_shape *shape, const double way[3])
 {
     double farthest = -INFINITY;

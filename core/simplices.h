@@ -32,8 +32,9 @@ void kn_simplices_destroy(kn_simplices *s);
 
 #define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times as many nodes as any processor steps in a millisecond
 #define KN_SIMPLICES_ELEMENTS_MAX (1 << 21)
-// Least quality of an element. An element of lower quality is degenerate: its volume is below a thousandth of that of a
-// regular element with equally long edges.
+// Least quality of an element. An element of lower quality is degenerate: in comparison with a regular element of
+// equally long edges, a tetrahedron has less than a thousandth of the volume, a triangle less than a hundredth of the
+// area.
 #define KN_SIMPLICES_QUALITY_MIN 0.01
 // Least mean quality of a mesh. With a lower mean, the lattice responds too late in some directions; measured with
 // `knead stability`, family aspect.
@@ -70,7 +71,7 @@ typedef struct kn_simplices_measures {
 bool kn_simplices_measure(const kn_simplices *s, kn_simplices_measures *m);
 
 // Return the height of the flattest element, m, and store the index of this element. The height of a tetrahedron is
-// that over its largest face, the height of a triangle that over its longest side.
+// measured from its largest face, the height of a triangle from its longest side.
 double kn_simplices_lowest(const kn_simplices *s, int *element);
 
 #endif

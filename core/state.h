@@ -1,8 +1,8 @@
 #ifndef KN_CORE_STATE_H
 #define KN_CORE_STATE_H
-// The state of an object: everything that changes while it is touched. A state is one block of memory. A copy of it is
-// a snapshot, and its hash serves as a test. The header also has the input and output of one step (step.h). All numbers
-// are in SI units, in the scene's frame.
+// The state of an object: everything that changes while it is touched. A state is one block of memory. A copy of this
+// block is a snapshot, and tests compare its hash. This header also defines the input and output of one step (step.h).
+// All numbers are in SI units, in the scene's frame.
 #include "core/model.h"
 #include <stdint.h>
 

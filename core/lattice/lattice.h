@@ -88,8 +88,8 @@ typedef struct kn_composite {
     kn_kernels kernels;       // kernels of the whole model: the parts' kernels and the ties
     const kn_kernels *inside; // kernels that run on one part at a time
     int part_count;
-    // [part_count] a regular block for each part, with its grid, law and tables. A part has no arrays of nodes; those
-    // of the whole model hold the nodes of all parts.
+    // [part_count] a regular block for each part, with its grid, law and tables. A part has no arrays of nodes; the
+    // arrays of the whole model hold the nodes of all parts.
     struct kn_model *part;
     int corner[KN_COMPOSITE_PARTS][3]; // first corner of each part, in fine cells
     int coarse[KN_COMPOSITE_PARTS];    // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere

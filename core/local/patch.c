@@ -553,8 +553,8 @@ static void hold_table(kn_mobility *m)
     }
 }
 
-// Assemble the matrix of an implicit step of the undeformed object, with S times the stiffness of all edges. This is S
-// times the matrix with the inertia divided by S that patch.h describes.
+// Assemble the matrix of an implicit step of the undeformed object, with S times the stiffness of all edges. The result
+// is S times the matrix of patch.h, in which the inertia is divided by S.
 static void assemble(kn_mobility *m)
 {
     const kn_model *model = m->model;

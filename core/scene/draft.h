@@ -2,7 +2,7 @@
 #define KN_CORE_SCENE_DRAFT_H
 // A scene while it is read: the value of each key as written, and the place where the value was written. So an error
 // about two keys can still name a line. The reader fills in the draft (reader.c). Then kn_draft_finish checks the rules
-// and computes all derived values. Functions allocate memory and read files: not for a real-time loop.
+// and computes all derived values. The functions allocate memory and read files: not for a real-time loop.
 #include "core/scene/keys.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
@@ -124,8 +124,8 @@ bool kn_draft_fine(kn_draft *draft);
 // holds any other key.
 bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark);
 
-// Change the numbers of the material, which must be complete and in SI, to those of draft->variant. Return false after
-// an error.
+// Change the numbers of the material to those of the variant draft->variant. Before the call, the numbers must be
+// complete and in SI. Return false after an error.
 bool kn_draft_vary_material(kn_draft *draft);
 
 // Copy the device keys of `from` into the draft (draft_library.c). If `from` is a user's device file, copy all keys. If

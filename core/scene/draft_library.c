@@ -12,8 +12,8 @@ enum { RHEOLOGICAL, VISCOELASTIC, PLASTIC }; // values of the key material.varia
 
 static bool of_material(kn_key_id id) { return strncmp(kn_keys[id].path, "material.", strlen("material.")) == 0; }
 
-// Copy the value of a key from the draft of a material's file, and whether that file gives the key. `mark`: place where
-// the scene names the material; an error about the value points there.
+// Copy the value of a key from the draft of a material's file. Also copy whether this file gives the key. `mark`: place
+// where the scene names the material; an error about the value points there.
 static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mark mark)
 {
     const kn_key *key = &kn_keys[id];
@@ -38,7 +38,7 @@ bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, 
                                  from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (of_material(id)) take_key(draft, from, id, mark);
-    // a density that the scene itself gives takes precedence over that of the file
+    // a density that the scene itself gives takes precedence over the density in the file
     bool own = kn_draft_given(draft, 0, KN_KEY_DENSITY) && !draft->at[0][KN_KEY_DENSITY].library;
     if (!own && kn_draft_given(from, 0, KN_KEY_DENSITY)) take_key(draft, from, KN_KEY_DENSITY, mark);
     if (variant < 0) return true;

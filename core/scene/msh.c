@@ -155,7 +155,7 @@ static bool read_nodes(reader *r)
 }
 
 // Return the index of the node whose number in the file is `tag`, or -1 if there is none. Numbers mostly run from 1
-// without a gap, so first try the place that the node then has.
+// without a gap, so first try the index tag - 1.
 static int find_node(const reader *r, long tag)
 {
     if (tag >= 1 && tag <= r->node_count && r->tag[tag - 1].tag == tag) return r->tag[tag - 1].index;

@@ -15,8 +15,8 @@ typedef enum kn_quality { KN_QUALITY_FAST, KN_QUALITY_BALANCED, KN_QUALITY_ACCUR
 
 typedef struct kn_point {
     bool defined; // the scene defines this quality point; OWN is always defined
-    // A running server may switch to this point: the solver is implicit, and spacing and precision are those of the
-    // chosen point.
+    // A running server may switch to this point: the solver is implicit, and spacing and precision are equal to the
+    // spacing and precision of the chosen point.
     bool live;
     kn_effort effort; // iterations, tolerance and linearisations of a step at this quality point
 } kn_point;
@@ -38,7 +38,7 @@ typedef struct kn_scene {
     kn_device_def device; // haptic device: profile touch, falcon, omega, unknown, or bench for the virtual hand
     kn_safety_limits limits;
     double mesh_hz;    // rate of mesh messages, 30..60
-    int mesh_measures; // values in a mesh message beside positions: sum of KN_MESH_STRESS, KN_MESH_RESIDUAL (measure.h)
+    int mesh_measures; // values that a mesh message holds besides positions: sum of KN_MESH_STRESS, KN_MESH_RESIDUAL
     // Line and column of the last of the keys solver.kind, dt, isa and mass_scale in the file; 1, 1 if the file has
     // none of these keys. An error of building or stepping the model points at this place.
     int solver_line, solver_col;

@@ -25,7 +25,7 @@ static double still_margin(const kn_model *model, const kn_probe_def *def)
 }
 
 // The number of samples is an upper bound: the lower half of every tool is pressed into the skin, with a margin of one
-// patch. A tool counts as the ball around its shape.
+// patch. The ball around a tool's shape stands for the tool.
 int kn_contact_samples(const kn_model *model)
 {
     double count = model->base_count, h = model->def.spacing_m, patches = 0;
@@ -604,8 +604,8 @@ static void add_force(kn_probe_output *out, const double arm[3], const double fo
 
 static void end_hold(const kn_model *model, kn_state *state, const kn_held_node *hold, kn_output *output)
 {
-    // the work is that of the node's own motion, which differs from the plate's motion at first touch; it is negative
-    // for a node that pulls
+    // the work is force times the node's own motion, which differs from the plate's motion at first touch; the work of
+    // a node that pulls is negative
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * kn_dot(hold->force_n, hold->velocity_m_s);
     // a held node that pulls at the plate is released
     if (hold->gone || !(hold->force_n[2] >= 0)) {

@@ -103,8 +103,8 @@ size_t kn_contact_anchors(const kn_model *model);
 // tools do not move before kn_contact_end.
 void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact);
 
-// Return the velocity of a sample's point minus that of its tool, along the sample's normal. `field` holds the nodal
-// velocities in the model's precision, as state->velocity does.
+// Return the velocity of a sample's point minus the velocity of its tool, along the sample's normal. `field` holds the
+// nodal velocities in the model's precision, as state->velocity does.
 double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field);
 
 // Set the force on a sample to stiffness times present depth, along the normal. Explicit solvers use this function.

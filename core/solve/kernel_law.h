@@ -45,8 +45,8 @@ enum { DEGREE = KN_LAW_FINE, SLOPE_DEGREE = 3 };
 
 // Constants of the law in the model's precision, equal for every instruction set.
 typedef struct law_tables {
-    // Middle of each segment of the law's table, which is subtracted from y; 0 in f32. Being the first member, the
-    // array is aligned to 64 bytes like the block of tables.
+    // Middle of each segment of the law's table; it is subtracted from y in f64, and is 0 in f32. The array is the
+    // first member, so it is aligned to 64 bytes like the block of tables.
     real middle[KN_LAW_SEGMENTS];
     real stress[DEGREE + 1][KN_LAW_SEGMENTS], slope[3][SLOPE_DEGREE + 1][KN_LAW_SEGMENTS];
     kn_law_kind kind;       // kind of the law; KN_LAW_TABLE in f64 means the f64 table
@@ -129,7 +129,7 @@ static void law_exact(const kn_law *law, kn_linearization how, lanes b, lanes *s
     *root = lanes_load(at_root);
 }
 
-// Evaluate by Horner's rule a polynomial whose coefficients depend on the segment.
+// Evaluate a polynomial by Horner's rule. Its coefficients depend on the segment.
 LANES_INLINE lanes polynomial(int degree, const real (*table)[KN_LAW_SEGMENTS], lanes x, segment i)
 {
     lanes sum = lanes_table(table[degree], i);

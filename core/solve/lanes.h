@@ -225,8 +225,8 @@ LANES_INLINE double lanes_sum(lanes a)
     return sum[0];
 }
 
-// Look up a table of 16 reals. The index is (bits(y) - bits(1)) >> shift, for y between 1 and the end of the table.
-// `shift` applies to the bits of a float; for a double it is 29 more.
+// Look up a table of 16 reals. The index is (bits(y) - bits(1)) >> shift, for y between 1 and the end of the table. For
+// a float the bits are shifted by `shift`, for a double by `shift` + 29.
 #if KN_KERNEL_F32
 #define TABLE_ONE 0x3f800000
 #define TABLE_SHIFT(shift) (shift)

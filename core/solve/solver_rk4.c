@@ -140,7 +140,7 @@ static void derivative(const kn_model *model, const kn_boundary *b, const double
     shape at = shape_of(model);
     size_t nodes = (size_t)model->node_count;
     double *f = dy + at.v;
-    // add external loads and weight, then the forces of edges, then those of gas
+    // add external loads and weight, then the forces of the edges, then the forces of the gas
     for (size_t i = 0; i < nodes; i++)
         for (size_t k = 0; k < 3; k++) f[3 * i + k] = b->force_n ? b->force_n[i][k] : 0.0;
     for (size_t i = 0; i < nodes; i++) f[3 * i + 2] -= model->node_mass_kg[i] * model->def.gravity_m_s2;

@@ -126,7 +126,8 @@ static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[
     // down: downward velocity relative to the plate's velocity, interpolated between surface and axis
     const float surface = a / (a + 1.2f * sqrtf(way * a) + 0.8f * way);
     const float axis = a * a / (a * a + 0.15f * way * a + 0.22f * way * way);
-    // reduce the field towards the base and the sides, and set it to 0 in the slow part; it stays 1 under the plate
+    // reduce the field towards the base and the sides, and set it to 0 in the slow part; under the plate the field
+    // stays 1
     const float down = surface + (axis - surface) * d / way, share = down * (float)rest_m[2] / (top + sqrtf(beside2));
     const float v = (float)p->down_m_s * fmaxf(0, share - p->rest) / (down * (1 - p->rest));
     // out: outward velocity per metre of distance from the axis, divided by the downward velocity v [1/m]
@@ -254,7 +255,8 @@ void kn_deadline_share(kn_deadline *d, int lines, int iterations)
     const int64_t longest = d->look + iterations * d->iteration;
     d->line_most = d->most;
     d->hurried = false;
-    // do not hurry without a deadline, with a single linearisation, or with time for all linearisations
+    // do not hurry if there is no deadline, if this linearisation is the only one, or if there is time for all
+    // linearisations
     if (d->most == 0 || lines == 1 || lines * longest + (lines - 1) * price <= room) return;
     // fitting: number of linearisations that fit with LINE_ITERATIONS iterations each
     int64_t fitting = 1 + (room - few) / (price + few);

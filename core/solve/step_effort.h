@@ -111,8 +111,8 @@ typedef struct kn_deadline {
 // `most`: limit of the step, in units of work; 0: no deadline.
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most);
 
-// Begin a linearisation (line): count its work and that of its look at the contact. Return false, and count nothing, if
-// the linearisation and two iterations would exceed the deadline. The first linearisation always begins.
+// Begin a linearisation (line): count its work and the work of its look at the contact. Return false, and count
+// nothing, if the linearisation and two iterations would exceed the deadline. The first linearisation always begins.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
 
 // Return the units of work of kn_impact_guess in a step in which a plate strikes fast. Return 0 if no guess is needed,

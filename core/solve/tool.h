@@ -38,8 +38,8 @@ typedef struct kn_tool_step { // one tool in one step
 // Return NULL, or the reason why a lattice of the given spacing is too coarse for the shape of a probe.
 const char *kn_tool_unfit(const kn_probe_def *probe, double spacing_m);
 
-// Set `shape`, which is empty (all 0), to the shape of a probe. A plate leaves it empty. Return false if the shape has
-// more than KN_PARTS_MAX parts.
+// Set `shape` to the shape of a probe. Before the call, `shape` must be empty (all 0). A plate leaves it empty. Return
+// false if the shape has more than KN_PARTS_MAX parts.
 bool kn_tool_shape(const kn_probe_def *probe, kn_shape *shape);
 
 // Store the rotation matrix of an orientation. An orientation of all 0 counts as identity.
