@@ -35,7 +35,7 @@ typedef struct fitted { // one probe's contact
     unsigned used; // bit i is set if patch[i] is in use
     int only;      // number of the patch in use if there is exactly one
     kn_place place[KN_PATCHES_MAX];
-    int places;       // number of places beside the contact where the tool will touch next
+    int places;       // number of places where the tool will touch next, besides the present contact
     double side_n[3]; // tangential part of the force on the tool
     // tool_m: position of the tool; gap_m: distance of the tool from the object; gradient: gradient of this distance
     double tool_m[3], gap_m, gradient[3];
@@ -46,7 +46,8 @@ struct kn_contact_fit {
     kn_coupling device;
     kn_mobility *mobility;
     kn_patches *patches;
-    kn_ahead *ahead[KN_PROBES_MAX]; // search for the next places that each tool touches; NULL: one convex part
+    // search for the next places that each tool touches; NULL if the tool has one convex part
+    kn_ahead *ahead[KN_PROBES_MAX];
     fitted probe[KN_PROBES_MAX];
     int *skin; // ids of the skin's nodes that a tool can touch
     int skin_count;
@@ -230,8 +231,8 @@ static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, in
         add_force(own, s->normal, s->pressing_n, rate);
         if (turns) add_torque(own, s->normal, s->pressing_n, s->arm_m);
     }
-    // add up the foundation in a second pass, because this needs the normal of the resultant; samples that are in
-    // contact but do not press count, too
+    // add up the foundation in a second pass, because this needs the normal of the resultant; also add the samples that
+    // are in contact but do not press
     settle_all(&all, part, f);
     for (int i = 0; i < contact->sample_count && f->all.force_n > 0; i++) {
         const kn_sample *s = &contact->sample[i];
@@ -341,8 +342,8 @@ static void follow_flow(const kn_model *m, pressed *c)
 
 // --- patches --------------------------------------------------------------------------------------------------------
 
-// Compute the stored values of a new patch from the old patches that it grew out of, by shares of load. Springs and
-// dampers of the old patches are side by side, so their values add up.
+// Compute the stored values of a new patch from the old patches that it grew out of, weighted by shares of load.
+// Springs and dampers of the old patches are side by side, so their values add up.
 static void inherit(const fitted *f, const double share[KN_PATCHES_MAX], pressed *c)
 {
     double weight = 0;

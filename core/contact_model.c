@@ -6,7 +6,8 @@
 #define LEAK_N_PER_S 16.0    // fastest change of force during this fade; a faster change would feel like a jump
 #define RETURN_M_PER_S 0.020 // speed of the surface while the force returns: the power is at most |F| times this speed
 #define THERE_M 5e-6         // least depth of the device in a surface that counts as contact
-// time after which a stale contact is dropped, ten times LEAK_S; if kept longer, it would only drag a hand in free air
+// time after which a stale contact is dropped, ten times LEAK_S; if kept longer, the contact would only drag a hand in
+// free air
 #define FORGET_S 0.5
 #define FELT_N 0.02  // least force that the hand feels; it is below the resolution of desktop devices
 #define HOLD_S 0.003 // time without a pose of this client after which the force fades; the same as in the server
@@ -329,7 +330,8 @@ static double set_coupling(const kn_contact_model *m, const kn_contact_unit *uni
     return b->count > 1 ? fmin(theirs, 1.0 / b->k) : theirs;
 }
 
-// Set the level of a surface for the orientation that the tool has in the message, and the arm to the point of contact.
+// Set the level of a surface for the orientation that the tool has in the message. Also set the arm, the vector from
+// the proxy to the point of contact.
 static void set_place(const kn_contact_unit *from, kn_contact_plane *u)
 {
     u->level_m = dot(u->normal, from->proxy_m);
@@ -375,8 +377,9 @@ static void set_shear(kn_contact_body *b, const double x[3])
     }
 }
 
-// Reduce the elastic forces of the units, then shift the surfaces to fit. The shift is the stretch of this device's
-// coupling under the reduced forces, minus the stretch of the server's coupling under the forces of the message.
+// Reduce the elastic forces of the units, then shift the surfaces accordingly. The shift is the stretch of this
+// device's coupling under the reduced forces, minus the stretch of the server's coupling under the forces of the
+// message.
 static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body *b)
 {
     double told_n[3] = {0.0}, way[3];

@@ -50,7 +50,7 @@ double kn_law_stress(const kn_law *law, double b_pa)
         for (int i = 0; i < 60; i++) {
             double r = law->a_pa_s / kn_material_c2(&law->mat, s);
             double f = log(s * (1.0 + r) / b);
-            if (fabs(f) <= 4e-16) break; // f is as small as the rounding errors of the logarithm's argument
+            if (fabs(f) <= 4e-16) break; // stop: f is as small as the rounding errors of the logarithm's argument
             // narrow the bracket, then take Newton's step or, if it leaves the bracket, bisect
             if (f > 0) hi = s;
             else lo = s;

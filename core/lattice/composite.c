@@ -56,8 +56,9 @@ const char *kn_composite_check(const kn_model_def *def)
     return whole ? "a fine box needs coarse cells around it" : NULL;
 }
 
-// Cut the block into parts. First cut off the parts below and above the fine box, then those beside it along x and y.
-// The fine box itself is the last part. `part`: two corners of each part, in fine cells. Return the number of parts.
+// Cut the block into parts. First cut off the parts below and above the fine box, then the parts beside the fine box
+// along x and y. The fine box itself is the last part. `part`: two corners of each part, in fine cells. Return the
+// number of parts.
 static int cut(const kn_model_def *def, int part[KN_COMPOSITE_PARTS][2][3])
 {
     static const int order[3] = {2, 0, 1};

@@ -410,9 +410,9 @@ static void solve3(double m[3][3], const double y[3], double x[3])
 }
 
 // Return the strain along z of the linear map that fits the nodes' displacements best. A node whose displacement is far
-// from the map gets less weight. Rejected: the mean strain from the outside. A node of the outside that only a few
-// springs hold moves far under its traction when the dampers there soften, and the mean would follow this node. With
-// the mean, gamma changed from 0.65 to 1.5 between meshes of one block that differ by a few nodes.
+// from the map gets less weight. The mean strain from the outside was rejected as a measure. If only a few springs hold
+// a node of the outside, the node moves far under its traction when the dampers there soften, and the mean follows this
+// node. With the mean, gamma changed from 0.65 to 1.5 between meshes of one block that differ by a few nodes.
 static double stretch(bench *b)
 {
     int nodes = b->s->nodes;

@@ -95,7 +95,7 @@ void kn_draft_init(kn_draft *draft, const char *file, const char *const *sets, c
         for (kn_key_id id = 0; id < KN_KEY_COUNT; id++) {
             const char *fallback = kn_keys[id].fallback;
             char problem[KN_LINE_MAX];
-            // as long as no value is written, an error about the key points at the start of the file
+            // until a value is written, an error about the key points at the start of the file
             draft->at[slot][id] = (kn_mark){.source = KN_SOURCE_DEFAULT, .line = 1, .col = 1};
             draft->group[slot][id] = (kn_mark){.source = KN_SOURCE_FILE, .line = 1, .col = 1};
             // read the default text, unless the key is required, optional or computed later
@@ -322,7 +322,7 @@ static bool finish_stroke(kn_draft *draft)
     return !problem || kn_draft_complain(draft, at, "material: %s", problem);
 }
 
-// Check the values of the material against each other, and change them to those of the chosen variant.
+// Check the values of the material against each other, then convert them to the chosen variant.
 static bool finish_material(kn_draft *draft)
 {
     const kn_material *mat = &draft->scene.model.material;

@@ -242,7 +242,7 @@ static bool read_mapping(reader *r, const char *path)
 // table. *count: number of mappings read so far. `most`: largest number of mappings.
 static bool read_list(reader *r, const char *name, const char *keys, const char *path, int *count, int most)
 {
-    // while a mapping is read, r->slot is the slot of that mapping; then it is again the slot of the scene or probe
+    // while a mapping is read, r->slot is the slot of this mapping; afterwards, restore the slot of the scene or probe
     const int slot = r->slot;
     if (r->event.type != YAML_SEQUENCE_START_EVENT)
         return kn_draft_complain(r->draft, here(r), "%s: %s, expected a list of mappings", name, kind_of(r));

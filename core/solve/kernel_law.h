@@ -96,7 +96,7 @@ static void law_tables_build(law_tables *t, const kn_model *model)
     if (sizeof(real) == sizeof(double) && kn_law_in_lanes(law)) t->kind = KN_LAW_TABLE;
     t->a = (real)law->a_pa_s;
     t->k1 = (real)law->mat.k1_pa;
-    // u + dt (s - k1 u)/A = keep u + gain s
+    // a step of the strain: u + dt (s - k1 u)/A = keep u + gain s
     t->keep = (real)(1.0 - law->dt_s * law->mat.k1_pa / law->a_pa_s);
     t->gain = (real)(law->dt_s / law->a_pa_s);
     t->dt = (real)law->dt_s;
