@@ -244,8 +244,16 @@ static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, do
             return kn_curve_refuse(f, c->line[s->begin], -1,
                                    "a load that presses and pulls, nominal stress %.3g Pa, expected compression only",
                                    s->load);
-        if (i == 0) add_first_load(f, c, s->load, noise);
-        else c->step[c->steps++] = (kn_curve_step){moment(c, s, noise), s->load, s->early_s, s->late_s};
+        if (i == 0) {
+            add_first_load(f, c, s->load, noise);
+            continue;
+        }
+        const kn_curve_step next = {moment(c, s, noise), s->load, s->early_s, s->late_s};
+        // A load that ended before the specimen's load began did not act on the specimen: the next one is the first.
+        if (c->steps == 1 && next.time_s <= c->step[0].time_s && next.stress_pa > 0)
+            c->step[0].stress_pa = next.stress_pa;
+        else if (c->steps == 1 && next.time_s <= c->step[0].time_s) c->steps = 0;
+        else c->step[c->steps++] = next;
     }
     return KN_EXIT_OK;
 }

@@ -1,8 +1,9 @@
 #ifndef KN_TESTS_RECORDED_PRESS_H
 #define KN_TESTS_RECORDED_PRESS_H
 // A log of a press during which the server missed cycles. A plate is pressed 3 mm at 1 cm/s, held for 0.5 s and
-// lifted.
+// lifted. A candidate structure to repeat such a press.
 #include "clients/hand/tool_path.h"
+#include "clients/shape/structure_candidate.h"
 #include "tests/recorder.h"
 
 #define SMALL KN_SOURCE_DIR "/core/scenes/dough-small.yaml"
@@ -12,6 +13,14 @@ static void must(bool ok, const char *what)
     if (ok) return;
     fprintf(stderr, "%s\n", what);
     exit(1);
+}
+
+static char error[600];
+
+static void open_candidate(kn_candidate *c, const char *scene, const char *structure, const char *const *set)
+{
+    const kn_candidate_def def = {.scene_path = scene, .sets = set, .set_count = set && *set};
+    must(kn_candidates_open(c, &def, structure, error, sizeof error) == 1, error);
 }
 
 enum { MISSED_MS = 21 };

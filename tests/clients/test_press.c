@@ -7,11 +7,10 @@
 
 TEST("the hold ends when the tool begins to rise, at any speed, without a hold, and in a log")
 {
-    char error[400];
     kn_candidate c[KN_CANDIDATES];
     kn_press press = {0};
     AT_END(kn_pressed_free) kn_pressed pressed = {0};
-    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    open_candidate(c, SMALL, "diagonals", NULL);
     must(kn_press_path(&press, c->scene, &(kn_press_def){.hold_s = 1}, error, sizeof error), error);
     const kn_press_play play = {.model = c->first, .surface = c->surface.mesh, .until_s = press.hold_end_s};
     must(kn_press_run(&press, &play, &pressed), "the press diverges");
@@ -20,13 +19,12 @@ TEST("the hold ends when the tool begins to rise, at any speed, without a hold, 
     CHECK_NEAR(end_n / before_n, 1, 0.02);        // the force still relaxes, by no more in 50 ms
     CHECK_NEAR(press.hold_end_s, 1.05 + 1, 0.01); // down in 1 s; the 50 ms at the beginning and at the end count half
     kn_press_free(&press);
-    const kn_press_def slow = {.speed_m_s = 1e-4, .depth_m = 1e-3, .hold_s = 1}, none = {.hold_s = -1};
-    must(kn_press_path(&press, c->scene, &slow, error, sizeof error), error);
-    CHECK_NEAR(press.hold_end_s, 10.05 + 1, 0.01);
-    kn_press_free(&press);
-    must(kn_press_path(&press, c->scene, &none, error, sizeof error), error);
-    CHECK_NEAR(press.hold_end_s, 1.05, 0.01);
-    kn_press_free(&press);
+    static const kn_press_def defs[] = {{.speed_m_s = 1e-4, .depth_m = 1e-3, .hold_s = 1}, {.hold_s = -1}};
+    for (int i = 0; i < 2; i++) { // slow, without a hold
+        must(kn_press_path(&press, c->scene, &defs[i], error, sizeof error), error);
+        CHECK_NEAR(press.hold_end_s, i ? 1.05 : 10.05 + 1, 0.01);
+        kn_press_free(&press);
+    }
     const double rises_s = record_press();
     must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
     CHECK_NEAR(press.hold_end_s, rises_s, 0.01);
@@ -36,12 +34,11 @@ TEST("the hold ends when the tool begins to rise, at any speed, without a hold, 
 
 TEST("a press from a log keeps the log's clock across missed cycles and repeats the replay's forces and surfaces")
 {
-    char error[400];
     kn_candidate c[KN_CANDIDATES];
     AT_END(kn_press_free) kn_press press = {0};
     AT_END(kn_pressed_free) kn_pressed pressed = {0};
     const double at_s = record_press() - 0.55; // on the way down, after 21 ms of missed cycles
-    must(kn_candidates_open(c, &(kn_candidate_def){.scene_path = SMALL}, "diagonals", error, sizeof error) == 1, error);
+    open_candidate(c, SMALL, "diagonals", NULL);
     must(kn_press_log(&press, c->scene, &(kn_press_def){0}, "missed.lcmlog", error, sizeof error), error);
     const kn_press_play play = {c->first, c->surface.mesh, 1, &at_s, press.end_s, NULL, NULL};
     must(kn_press_run(&press, &play, &pressed), "the press diverges");

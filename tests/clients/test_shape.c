@@ -22,7 +22,6 @@
 enum { PIXELS = 320 };
 
 static uint64_t seed = 20261123; // seed of the blind cases
-static char error[600];
 
 typedef struct lump {                                           // construction and measurement of an object
     const char *scene, *structure, *set;                        // scene NULL: the small block of dough
@@ -71,12 +70,6 @@ static void write_points(const kn_surface *s, const float (*now_m)[3])
     for (int i = 0; i < 3 * s->vertex_count; i++)
         fprintf(f, "%.4f%c", 1e3 * now_m[i / 3][i % 3] + 0.1 * kn_dice_normal(&seed), ";;\n"[i % 3]);
     fclose(f);
-}
-
-static void open_candidate(kn_candidate *c, const char *scene, const char *structure, const char *const *set)
-{
-    const kn_candidate_def def = {.scene_path = scene, .sets = set, .set_count = set && *set};
-    must(kn_candidates_open(c, &def, structure, error, sizeof error) == 1, error);
 }
 
 // Press the object and write depth.png, points.csv and force.csv.

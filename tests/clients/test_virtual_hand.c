@@ -151,17 +151,14 @@ TEST("lost poses latch a fault that lifting clears, and the press is repeated in
     CHECK_NEAR(r.lowest_m, 0.02, 1e-9);
 }
 
-TEST("a fault that lifting does not clear ends with the session, and the next try succeeds")
+TEST("a fault that lifting does not clear ends with the session; the next try succeeds, and three spoilt tries end the "
+     "hand")
 {
     begin((kn_hand_def){0});
     r.server.latch_next = KN_FAULT_IMPULSE;
     play(60000);
     CHECK(r.hand.mode == KN_HAND_DONE && r.hand.tries == 2 && r.hand.trips == 1);
     CHECK(r.hand.trip[0].fault == KN_FAULT_IMPULSE && !r.hand.trip[0].cleared);
-}
-
-TEST("the hand gives up after three spoilt tries")
-{
     begin((kn_hand_def){0});
     for (int i = 0; i < 200 && !ended(); i++) {
         if (!r.server.latched) r.server.latch_next = KN_FAULT_IMPULSE;

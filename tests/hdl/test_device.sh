@@ -8,5 +8,5 @@ timeout 1 knead-simdev --uart --engine rtl >serves 2>said
 [ $? = 3 ] && echo "skipped: $(cat said)" && exit 77
 grep -q '^rtl behind knead_link: ' serves || { echo "FAIL the circuit's own link is not before it: $(cat serves)" && fail=1; }
 cd "$KN_BUILD" || exit 1
-KN_ENGINE=rtl KN_TICKS=${KN_TICKS:-300} tests/test_server_device || fail=1
+KN_ENGINE=rtl KN_TICKS=${KN_TICKS:-300} tests/test_server_circuit_device || fail=1
 exit $fail
