@@ -139,7 +139,8 @@ static const char *check_stiffness(const kn_model *m)
 {
     const kn_model_def *def = &m->def;
     double h = def->spacing_m, dt = def->solver.dt_s, at_rest = m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_rest;
-    // body: resistance of one node to a change of its velocity, from its edges at rest and its mass [kg/s]
+    // body: resistance of one node to a change of its velocity [kg/s], computed from its mass and from its edges at
+    // rest
     double body = m->kappa_m * m->law.a_pa_s * at_rest + kn_model_mass(m) / m->node_count / dt;
     double gas = def->pressure != KN_PRESSURE_NONE ? def->inside_pressure_pa : 0;
     if (def->solver.kind != KN_SOLVER_RK4 && gas * h * dt > GAS_MOST * body)
@@ -193,8 +194,8 @@ static bool fail(char *error, size_t size, const char *text)
 
 // Speed of a pressing hand for the check of the flattest element. If a hand moves by an element's height in one step,
 // the element turns inside out and back in every step, because a step uses the edges' directions at its beginning.
-// Measured with `knead stability`, family sliver: an object with a height of 2 cm/s times dt stays calm, and one with
-// 7 mm/s times dt oscillates.
+// `knead stability`, family sliver, showed: an object stays calm if its flattest element is dt times 2 cm/s high, and
+// oscillates if this element is dt times 7 mm/s high.
 #define HAND_M_S 0.01
 
 // Refuse a step that is too long for the flattest element of a mesh.
@@ -399,7 +400,7 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
     memset(w->guess, 0, kn_state_field(m, 3));
     memset(w->q, 0, kn_state_field(m, 3));
     memset(w->d, 0, kn_state_field(m, 3));
-    // the steps never write the vector g of places without an edge, so clear it here
+    // the field g has room for edges that the lattice does not have; the steps never write there, so clear g here
     memset(w->g, 0, (size_t)kn_work_edge(m) * m->edge_reals * kn_model_real(m));
     memset(s->row_base, 0, (size_t)m->row_count);
     memset(w->row_moved, 0, (size_t)m->row_count);

@@ -88,8 +88,8 @@ double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
     memset(d, 0, 8 * sizeof d[0]);
     for (int i = 0; i < (depth_m > 0 ? 2 : 3); i++)
         for (int k = 0; k < 3; k++) side[i][k] = x[i + 1][k] - x[0][k];
-    // The area of a triangle times the thickness is a sixth of the triple product of two sides and a third vector. This
-    // vector has three times the thickness as its length and points along -y, because the corners turn from x to z.
+    // The area of a triangle times the thickness is a sixth of the triple product of two sides and a third vector. The
+    // third vector is three times the thickness long. It points along -y, because the corners turn from x to z.
     if (depth_m > 0) side[2][1] = -3 * depth_m;
     double volume = 0;
     // the gradient at a corner is a sixth of the cross product of the other two sides
@@ -105,7 +105,7 @@ double kn_simplex_volume(double depth_m, const double x[8][3], double d[8][3])
 
 double kn_cell_pressure(double j, double *slope)
 {
-    // if J is below KN_CELL_LEAST, follow the law's tangent at KN_CELL_LEAST
+    // if the volume ratio J is below KN_CELL_LEAST, follow the tangent of the pressure law at KN_CELL_LEAST
     double held = fmax(j, KN_CELL_LEAST);
     *slope = 1 / (held * held);
     return (1 - held) / held + (held - j) / (held * held);

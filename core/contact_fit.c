@@ -18,13 +18,15 @@
 #define LATE_S 0.030  // round trip of the slowest link that a local model is meant for
 #define CLIENT_S 1e-3 // step of a client, for which A is reported
 
-typedef struct pressed {        // one contact: the whole contact of a tool, or one patch of this contact
-    double force_n, rate_m_s;   // contact force t; speed w at which the tool presses the skin inwards
-    double normal[3], arm_m[3]; // normal out of the object; vector from the tool's position to where the force acts
-    double layer_n_m;           // stiffness of the contact's foundation along the normal; 0: rigid
-    double a, k1, h_n;          // damping A, stiffness k1, force H of contact_model.h; 0: not known yet
-    double tt, tw, c2; // tt, tw: fading sums of t t and t w_c2 (w_c2: rate of the damper c2); c2: their quotient tt/tw
-    double loaded;     // share of the running mobility solve's load on this contact; 0: no load
+typedef struct pressed {      // one contact: the whole contact of a tool, or one patch of this contact
+    double force_n, rate_m_s; // force_n: contact force t; rate_m_s: speed w at which the tool presses the skin inwards
+    // normal: normal out of the object; arm_m: vector from the tool's position to the point where the force acts
+    double normal[3], arm_m[3];
+    double layer_n_m;  // stiffness of the contact's foundation along the normal; 0: rigid
+    double a, k1, h_n; // a: damping A; k1: stiffness; h_n: force H of contact_model.h; 0: not known yet
+    // tt, tw: fading sums of t^2 and of t w_c2, where w_c2 is the rate of the damper c2; c2: the quotient tt/tw
+    double tt, tw, c2;
+    double loaded; // share of the running mobility solve's load on this contact; 0: no load
 } pressed;
 
 typedef struct fitted { // one probe's contact
@@ -33,7 +35,7 @@ typedef struct fitted { // one probe's contact
     bool touching, near, ahead;
     pressed all, patch[KN_PATCHES_MAX];
     unsigned used; // bit i is set if patch[i] is in use
-    int only;      // number of the patch in use if there is exactly one
+    int only;      // if exactly one patch is in use: index of this patch
     kn_place place[KN_PATCHES_MAX];
     int places;       // number of places where the tool will touch next, besides the present contact
     double side_n[3]; // tangential part of the force on the tool
@@ -51,7 +53,7 @@ struct kn_contact_fit {
     fitted probe[KN_PROBES_MAX];
     int *skin; // ids of the skin's nodes that a tool can touch
     int skin_count;
-    int round; // probe for which a mobility solve (patch.h) is running; -1: none
+    int round; // index of the probe for which a mobility solve (patch.h) is running; -1: none
 };
 
 // --- the object's outside -------------------------------------------------------------------------------------------
@@ -142,9 +144,9 @@ static int count_of(unsigned used)
     return count;
 }
 
-// Return the patch of a sample that `node` carries. A node that is pressed for the first time belongs to no patch yet.
-// The sample then gets the patch of another of its nodes. If none of its nodes belongs to a patch, the sample gets the
-// first patch in use.
+// Return the patch of a sample; `node`: the nodes that carry the sample. A node that is pressed for the first time
+// belongs to no patch yet. If the middle node belongs to no patch, take the patch of another node. If none of the nodes
+// belongs to a patch, take the first patch in use.
 static int patch_of(const kn_contact_fit *fit, int p, const int node[], int nodes)
 {
     int number = kn_patches_at(fit->patches, p, node[nodes / 2]); // the middle node of a spline's 3 x 3 nodes
@@ -156,7 +158,7 @@ static int patch_of(const kn_contact_fit *fit, int p, const int node[], int node
 
 typedef struct sums {
     double force_n[3], torque_n_m[3], power_w; // force, torque and power of the contact on the tool
-    // pressing_n: sum of the pressing forces; place_n_m: sum of each pressing force times its arm
+    // pressing_n: sum of the pressing forces; place_n_m: sum of the products of each pressing force and its arm
     double pressing_n, place_n_m[3];
 } sums;
 
@@ -179,8 +181,8 @@ static void add_torque(sums *s, const double normal[3], double pressing_n, const
 
 // Compute the resultant of a contact: its normal, the force t along the normal, the speed w at which the tool presses
 // the skin inwards, and the point where the force acts. w is a mean weighted by force, so that t w is the power of all
-// forces. At the chosen point, the force t has the torque of all forces, except the torque about the normal. For a
-// smooth ball this point is the centre of the ball.
+// forces. The point is chosen so that t has the same torque as all forces together, except for the torque about the
+// normal. For a smooth ball this point is the centre of the ball.
 static void settle(const sums *s, pressed *c)
 {
     double t = sqrt(kn_dot(s->force_n, s->force_n)), across[3];
@@ -499,8 +501,8 @@ static void add_rate(void *self, int patch, size_t offset, const double force_n[
     r->of[patch] += kn_mobility_rate(r->mobility, r->probe, offset, force_n);
 }
 
-// Compute the damping A_i of each patch. Under the whole pattern of 1 N, patch i yields with the speed b_i'z and
-// carries the share w_i of the load, so A_i = w_i/(b_i'z).
+// Compute the damping A_i of each patch. The whole pattern of forces sums to 1 N; patch i carries the share w_i of it
+// and yields with the speed b_i'z, where b_i are the forces of patch i and z the node velocities. So A_i = w_i/(b_i'z).
 static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
 {
     fitted *f = &fit->probe[p];
@@ -608,10 +610,10 @@ static double set_coupling(const kn_contact_fit *fit, int p, double layer_n_m, k
     return layer;
 }
 
-// Return the time for which a unit is valid, ms. In the server, the force on a rigid tool follows a new velocity at
-// once. In the client, the force follows only after the coupling has stretched. That takes the time
-// B (1/k - 1/layer), where B is the damping of the flowing object, k the stiffness of the client's coupling, and
-// `layer` that of the foundation. Until then the client would answer its present motion with an outdated force.
+// Return the time for which a unit is valid, ms. The time is shorter if the client's force lags far behind. In the
+// server, the force on a rigid tool follows a new velocity at once. In the client, the force follows only after the
+// coupling has stretched. That takes the time B (1/k - 1/layer), where B is the damping of the flowing object, k the
+// stiffness of the client's coupling, and `layer` that of the foundation.
 static double valid_ms(const kn_contact_fit *fit, int p, const fitted *f, double layer)
 {
     if (fit->model->def.probe[p].coupling_n_m > 0) return VALID_MS;
@@ -648,9 +650,9 @@ static pressed expected(const kn_model *m, const kn_place *place, double a)
     return c;
 }
 
-// Fill in one unit. A single unit (`alone`) has the foundation in its coupling. The reported position of the tool is
-// then corrected by the compression of the foundation. Each of several units has its own foundation, and the reported
-// position of the tool is its true position.
+// Fill in one unit. The coupling of a single unit (`alone`) includes the foundation, so the foundation's compression is
+// added to the reported position of the tool. Each of several units has a foundation of its own, so the compression is
+// not added. The tangential stretch of the foundation is added in both cases.
 static void tell(const kn_contact_fit *fit, int p, const pressed *c, double gap_m, bool alone, kn_contact_unit *unit)
 {
     const fitted *f = &fit->probe[p];

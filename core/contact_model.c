@@ -94,8 +94,8 @@ static double c2_of(const double law_m_s[KN_CONTACT_LAW], double force_n)
     return force_n / (below + (law_m_s[i] - below) * (force_n - below_n) / (at_n - below_n));
 }
 
-// Return the force f that solves p f + flow(f)/thick = rate, where flow(f) is the flow rate of the law law_m_s. Store
-// flow(f)/thick in *flow_m_s.
+// Return the force f that solves p f + flow(f)/thick = rate, where flow(f) is the flow rate of the law law_m_s. `p`:
+// compliance; `thick`: factor on the law's c2. Store flow(f)/thick in *flow_m_s.
 static double root(const double law_m_s[KN_CONTACT_LAW], double thick, double p, double rate, double *flow_m_s)
 {
     // find the segment between two forces of the law that contains the root, then interpolate
@@ -152,7 +152,8 @@ static void meet(const kn_contact_body *b, kn_contact_plane *u, const load *othe
     if (flow_m_s > 0.0) u->c2 = t / flow_m_s;
     // tangential: the force that stops the proxy on the surface, shortened to the friction cone
     cross(others->torque_n_m, u->arm_m, way);
-    // s: tangential compliance. The effect of the arm depends on the direction; |arm|^2 is the largest effect.
+    // s: tangential compliance. The effect of the arm depends on the direction; |arm|^2 is its upper limit and is used
+    // for all directions.
     double s = p + 1.0 / u->c2 + others->soft * dot(u->arm_m, u->arm_m);
     for (int i = 0; i < 3; i++) {
         double rate = (others->force_n[i] - along * u->normal[i]) / g + others->soft * way[i];
@@ -213,7 +214,7 @@ static void advance(kn_contact_body *b, const double x[3], const double v[3], co
     add(b->turn, dt * all.soft, all.torque_n_m);
 }
 
-// Return the level to which a surface would return without load. The springs return; the dampers do not.
+// Return the level to which a surface would rise without load. Its springs recover; its dampers do not.
 static double rest_of(const kn_contact_plane *u) { return u->k1 > 0.0 ? u->level_m + u->h_n / u->k1 : u->level_m; }
 
 static bool touches(const kn_contact_body *b, const kn_contact_plane *u) { return gap_of(b, u) <= 1e-9; }
@@ -321,7 +322,7 @@ static double set_coupling(const kn_contact_model *m, const kn_contact_unit *uni
     const double most_n_m = m->def.stiffness_n_m, most_n_s_m = m->def.damping_n_s_m;
     double theirs = soft_of(unit), k = positive_or(unit->k_vc_n_per_m, most_n_m);
     b->k = unit->contact_count > 1 ? most_n_m : fmin(k, most_n_m);
-    // if this device's coupling is stiffer than k, raise the message's damping by the square of the ratio
+    // if this device's coupling is stiffer than k, multiply the message's damping by the square of the ratio b->k / k
     b->b = fmin(positive_or(unit->b_vc_n_s_per_m * pow(fmax(1.0, b->k / k), 2.0), most_n_s_m), most_n_s_m);
     for (int c = 0; c < b->count && b->count > 1; c++) {
         theirs = fmin(theirs, soft_of(&unit[c]));
@@ -392,8 +393,8 @@ static void stretch(const kn_contact_unit *unit, double theirs, kn_contact_body 
     for (int c = 0; c < b->count; c++) b->plane[c].level_m += dot(b->plane[c].normal, way);
 }
 
-// Turn the proxy of a coupled tool by the torque of the contact. Then turn the proxy back, because it lags behind a
-// device that turns at the rate rate_rad_s.
+// Set the rotation of a coupled tool's proxy since the message's pose. The torque of the contact turns the proxy. The
+// coupling's damping makes the proxy lag behind a device that turns at the angular velocity rate_rad_s.
 static void set_turn(kn_contact_body *b, const double rate_rad_s[3])
 {
     if (b->rigid) return;
@@ -457,8 +458,8 @@ static void replay(kn_contact_model *m, int64_t at, kn_contact_body *b)
 // Return the size of the contact force that is rendered now, before gain and force scale, N.
 static double felt_n(const kn_contact_model *m) { return (1.0 - m->lost) * m->share * norm(m->body.force_n); }
 
-// Begin to render a contact. After an outage or a change of the object, its force starts from the force that the hand
-// already feels, and rises. Otherwise the contact is rendered in full at once.
+// Begin to render a contact. After an outage or a change of the object, the rendered force starts at the force that the
+// hand already feels, and rises. Otherwise the contact is rendered in full at once.
 static void join(kn_contact_model *m, const kn_contact_body *b, const kn_contact_pose *now)
 {
     double before_n = felt_n(m), turn[3];
@@ -493,8 +494,8 @@ static kn_contact_take complete(kn_contact_model *m, int64_t at)
     if (!finite3(b.force_n) || !finite3(b.proxy_m)) return KN_CONTACT_BAD;
     memcpy(m->c2, c2, sizeof c2);
     m->returning |= other;
-    // If the hand feels a contact but the message has none, the contact is lost and fades. A hand cannot have left the
-    // contact so fast.
+    // If the hand feels a contact but the message has none, let the felt contact fade. It is not dropped at once,
+    // because a hand cannot leave a contact so fast.
     if (b.count == 0 && felt_n(m) > FELT_N) {
         m->lost = fmax(m->lost, 1e-9);
     } else {
@@ -643,15 +644,15 @@ static void lose(kn_contact_model *m, double dt)
     sum_up(&m->body);
 }
 
-// Let a contact return after an outage: raise the share of its force that is rendered. The alternative, moving the
-// surface back, was rejected: the viscous part of the force would end with a jump.
+// Bring a contact back after an outage: raise the share of its force that is rendered. The surface could be moved back
+// instead, but then the viscous part of the force would end with a jump.
 static void come_back(kn_contact_model *m, const double x[3], const double turn[3], double dt)
 {
     m->share = fmin(1.0, m->share + dt * RETURN_M_PER_S / fmax(depth_of(&m->body, x, turn), THERE_M));
     m->returning = m->share < 1.0;
 }
 
-// Ramp the gain: up while the tool is engaged and the client sends poses, else down.
+// Ramp the gain up while the tool is engaged and the client sends poses; otherwise ramp the gain down.
 static void ramp(kn_contact_model *m, double dt)
 {
     bool stop = (m->flags & (KN_CONTACT_LATCHED | KN_CONTACT_STOPPING)) != 0;

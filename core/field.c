@@ -375,7 +375,7 @@ double kn_field_distance(const kn_field *f, const double at[3], double gradient[
 
 double kn_field_support(const kn_field *f, const double way[3])
 {
-    // take the smaller of the extents of the bounding box and the bounding ball, which have one centre
+    // the bounding box and the bounding ball have the same centre: take the smaller of their extents
     double middle = 0, box = 0;
     for (int k = 0; k < 3; k++) {
         double half = 0.5 * (f->box_m[1][k] - f->box_m[0][k]);

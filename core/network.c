@@ -56,9 +56,9 @@ const char *kn_network_check(const kn_network *net, int *leaf)
     return NULL;
 }
 
-// ---- one stage: the tree as lines D = slope s + offset
+// ---- one stage: the tree as lines D = slope * s + offset
 
-// The line D = slope s + offset: strain D that a part, or a group of parts, takes up in one stage under the stress s.
+// The line D = slope * s + offset: strain D that a part, or a group of parts, takes up in one stage under the stress s.
 typedef struct line {
     double slope, offset;
 } line;
@@ -155,8 +155,8 @@ static double next_guess(const kn_part *p, double guess, double stress)
     return stress;
 }
 
-// Condition that the drive sets on the whole element in one stage. If `strain`: D = taken. Else: stress = fixed - gives
-// * D.
+// Condition that the drive sets on the whole element in one stage. If `strain` is true, D = taken; otherwise stress =
+// fixed - gives * D.
 typedef struct demand {
     bool strain;
     double taken, fixed, gives;

@@ -53,7 +53,7 @@ static void observe(kn_passivity *p, const double position_m[3])
     p->running = true;
 }
 
-// Let a debt fade for one period. A debt fades while no force is wanted.
+// Let a debt fade for one period. Debts fade only while the wanted force is 0.
 static void forgive(kn_passivity *p)
 {
     double paid = p->credit_j * -expm1(-p->def.period_s / forgiving_s);

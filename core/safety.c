@@ -81,8 +81,8 @@ kn_guard_result kn_guard_pass(kn_guard *g, const double asked_n[3], double allow
         memcpy(force_n, asked_n, 3 * sizeof *force_n);
         return KN_GUARD_FREE;
     }
-    // the force chatters if a second hit has the opposite direction, or at a third hit in the window; a change above
-    // twice the limit has no physical cause
+    // trip on a second hit in the opposite direction or on a third hit in the window, because the force then chatters;
+    // trip on a change above twice the limit, because such a change has no physical cause
     bool alternates = g->age[0] < guard_window && kn_dot(step, g->step_n) < 0.0, again = g->age[0] == 0;
     bool wild = !(asked <= 2.0 * fmax(allowed_n, g->most_n_per_ms)); // also true if `asked` is NaN
     if (wild || alternates || (!again && g->age[1] < guard_window)) return KN_GUARD_TRIPPED;
@@ -156,7 +156,8 @@ static bool outranks(kn_fault fault, kn_fault stands)
 
 void kn_safety_trip(kn_safety *s, kn_fault fault)
 {
-    bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite; // NONFINITE also counts while an ESTOP hides it
+    // the first NONFINITE is counted even while an ESTOP hides it
+    bool news = fault == KN_FAULT_NONFINITE && !s->nonfinite;
     s->nonfinite |= news;
     if (!s->latched || outranks(fault, s->fault)) {
         s->fault = fault;
@@ -243,7 +244,7 @@ static bool rendering(const kn_safety *s)
     return s->attached && !s->latched && !s->braking && !s->yielding && !braked(s) && s->silent_ms == 0;
 }
 
-// Ramp the gain down or up. When the gain reaches 0, a change of the physics is over, and new limits come into use.
+// Ramp the gain down or up. When the gain reaches 0, a change of the physics ends, and new limits come into use.
 static void move_gain(kn_safety *s, bool clutch, int silence_ms, int ms)
 {
     const kn_safety_limits *l = &s->limits;
@@ -303,7 +304,8 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
     // watch the poses, then take the commands
     int silence_ms = listen(s, fresh, in->leaving, ms);
     take_commands(s, in);
-    // while a pose silence fades the force, report it as the fault; it ends without a latch if poses come back in time
+    // while a pose silence fades the force, report POSE_SILENCE; if poses come back in time, this fault ends and is not
+    // latched
     bool silent = s->attached && s->silent_ms > l->hold_ms && !in->leaving;
     if (!s->latched) s->fault = silent ? KN_FAULT_POSE_SILENCE : KN_FAULT_NONE;
     // brake a tool that is too fast
@@ -322,7 +324,7 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
 // guard acted.
 static int guard(kn_safety *s, const double force_n[3])
 {
-    // after ticks without live contact, allow the change of the whole gap, but not more than the change of hold_ms
+    // after gap_ms ms without live contact, allow the change of force of gap_ms ms, but at most that of hold_ms ms
     int ms = s->gap_ms < 1 ? 1 : s->gap_ms < s->limits.hold_ms ? s->gap_ms : s->limits.hold_ms;
     kn_guard_result result = kn_guard_pass(&s->guard, force_n, s->guard.most_n_per_ms * ms, s->force_n);
     if (result == KN_GUARD_FREE) return 0;
@@ -336,7 +338,8 @@ static int guard(kn_safety *s, const double force_n[3])
 static int render(kn_safety *s, const double force_n[3], const double torque_n_m[3])
 {
     int flags = 0;
-    // rejoining: approach the contact force at a rate that, with the rising gain, stays below the slope of transitions
+    // rejoining: approach the contact force so slowly that the output changes by less than kn_safety_slope per ms,
+    // although the gain also rises
     if (s->rejoining)
         s->rejoining =
             !approach(s->force_n, force_n, kn_safety_slope(&s->limits) - s->limits.clamp_n / s->limits.ramp_up_ms);

@@ -197,7 +197,7 @@ double kn_shape_span(const kn_shape *shape, int axis)
     return kn_shape_support(shape, way) + kn_shape_support(shape, back);
 }
 
-// Copies of a shape share only the fields of its parts, so only fields count their holders.
+// Copies of a shape share only the fields of its parts, so a field counts the shapes that hold it.
 void kn_shape_keep(const kn_shape *shape)
 {
     for (int i = 0; i < shape->part_count; i++)

@@ -231,9 +231,9 @@ static int coincident(const kn_simplices *s, const record *r, int i, const int c
     return -1;
 }
 
-// Check that no two nodes lie in the same place. Space is divided into cells whose side is twice the tolerance. Nodes
-// within the tolerance of a node are in the cells that contain the eight corners of a cube around the node, with the
-// tolerance as half side.
+// Check that no two nodes lie in the same place. Space is divided into cells whose side is twice the tolerance. Draw a
+// cube around a node, whose half side is the tolerance: all nodes within the tolerance are in the cells that contain
+// the cube's eight corners.
 static bool check_places(checker *c, record *r)
 {
     const kn_simplices *s = c->s;
@@ -463,7 +463,7 @@ double kn_simplices_lowest(const kn_simplices *s, int *element)
     for (int e = 0; e < s->element_count; e++) {
         double face = 0;
         for (int a = 0; a < corners(s); a++) face = fmax(face, square_of_face(s, e, a));
-        // the smallest height of an element is that over its largest face
+        // the smallest height of an element is the height over its largest face
         double height = s->dimension * volume_of(s, e) / sqrt(face);
         if (height >= lowest) continue;
         lowest = height;

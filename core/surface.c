@@ -82,7 +82,7 @@ kn_surface *kn_surface_create(const kn_model *model)
     if (g.flat) g.n[1] = 2; // a flat object is drawn with a front and a back layer
     size_t nodes = (size_t)model->node_count * (g.flat ? 2 : 1);
     kn_surface *s = calloc(1, sizeof *s);
-    // first a mark 1 for each node that a triangle uses, then the vertex number of the node
+    // vertex[i]: at first 1 if a triangle uses node i; later the index of this node's vertex
     int *vertex = calloc(nodes, sizeof *vertex);
     if (!s || !vertex) goto fail;
     // count the triangles first, then list them as node ids

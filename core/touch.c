@@ -142,8 +142,8 @@ typedef struct span { // a range first .. last of cells of the pressure map, alo
     double share[CELLS];
 } span;
 
-// Spread a load evenly over the interval of `width` about x, and compute the share of every cell. An interval that
-// reaches beyond the face is cut to the face, and the shares still sum to 1.
+// Spread a load evenly over an interval of length `width` with its middle at x, and compute the share of every cell. An
+// interval that reaches beyond the face is cut to the face, and the shares still sum to 1.
 static void spread(double x, double width, double low, double size, span *s)
 {
     double cell = size / CELLS, at = (x - low) / cell, half = 0.5 * width / cell;

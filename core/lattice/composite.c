@@ -65,7 +65,8 @@ static int cut(const kn_model_def *def, int part[KN_COMPOSITE_PARTS][2][3])
     int left[2][3] = {{0}}, count = 0;
     for (int k = 0; k < 3; k++) left[1][k] = def->nodes[k] - 1;
     for (int i = 0; i < 3; i++)
-        // on both sides of the box along axis k, cut off a part as wide as what is left of the block
+        // cut off one part on each side of the box along axis k; along the other axes, the part is as wide as what is
+        // left of the block
         for (int side = 0, k = order[i]; side < 2; side++) {
             if (left[side][k] == def->fine[side][k]) continue;
             memcpy(part[count], left, sizeof left);
@@ -87,8 +88,8 @@ int kn_composite_nodes(const kn_model_def *def)
     return sum;
 }
 
-// Return the axis for the rows: the one with the most nodes that still fit into `vectors` vectors. Rows along this axis
-// are fewest. Return -1 if no axis fits.
+// Return the axis for the rows: the longest axis whose nodes fit into `vectors` vectors. The longest axis gives the
+// fewest rows. Return -1 if no axis fits.
 static int widest(const kn_grid *g, int vectors)
 {
     int best = -1;
@@ -410,8 +411,8 @@ static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
     v->state.scratch = &v->work;
 }
 
-// Set the guessed velocity of every tied node to the mean of its masters. If the row of a master is marked as moved
-// (its prescribed velocity has changed), mark the rows of its tied nodes, too.
+// Set the guessed velocity of every tied node to the mean of its masters' velocities. If the row of a master is marked
+// as moved (its prescribed velocity has changed), mark the rows of its tied nodes, too.
 static void follow(const kn_model *m, const kn_work *w)
 {
     const kn_composite *c = m->composite;

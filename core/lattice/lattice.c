@@ -67,7 +67,8 @@ static void build_faces(kn_model *m)
     m->face_count = m->def.support >= KN_SUPPORT_NONE ? 6 : 5;
     m->outside_count = 6;
     if (!m->grid.flat) return;
-    // a flat object has the faces top, two ends and base; a probe cannot touch the two faces along its plane
+    // a flat object has the faces top, two ends and base; its two flat sides are no faces, because no probe can touch
+    // them
     m->face[2] = face[2];
     m->face[3] = face[5];
     m->face_count -= 2;
@@ -103,7 +104,8 @@ bool kn_block_build(kn_model *m)
         m->offset[i] = kn_grid_offset(g, i);
         kn_grid_rest(g, i, m->rest_m[i]);
         m->node_mass_kg[i] = whole * kn_grid_share(g, i);
-        // the base has the first ids, because ids count z slowest; nodes of a flat object stay in its plane
+        // in the order of the ids, z changes slowest, so the base has the first ids; nodes of a flat object stay in its
+        // plane
         if (i < g->n[0] * g->n[1]) m->support[i] = kn_support_mask(m->def.support);
         if (g->flat) m->support[i] |= 2;
     }
@@ -178,7 +180,7 @@ bool kn_base_build(kn_model *m)
     if (m->skin_count > 0) skin_areas(m, area);
     else face_areas(m, area);
     for (int i = 0; i < m->node_count; i++) {
-        if (m->support[i] & 4) area[i] = 0; // the support already holds the node at its height
+        if (m->support[i] & 4) area[i] = 0; // the support holds this node's height, so the table never pushes the node
         m->base_count += area[i] > 0;
     }
     m->base = calloc((size_t)m->base_count + 1, sizeof *m->base);

@@ -105,7 +105,7 @@ kn_spring_now kn_spring_look(const kn_springs *s, const kn_state *state, int num
         (n.stress_pa < 0 ? left <= law->in + KN_LAW_STROKE_ENDS : left >= law->out - KN_LAW_STROKE_ENDS))
         n.stress_pa = b;
     n.voigt = last + (dt > 0 ? dt * (n.stress_pa - mat->k1_pa * last) / law->a_pa_s : 0);
-    // a Voigt part without a spring does not return: its strain is permanent, too
+    // the strain of a Voigt part without a spring is permanent, too, because nothing brings the part back
     n.residual = stretch - (mat->k1_pa > 0 ? s->gamma * n.voigt : 0);
     return n;
 }
@@ -123,8 +123,8 @@ const kn_measure_name kn_measure_names[KN_MEASURES] = {
 typedef struct share {
     double weight;     // sum of V_e
     double fit[6][6];  // Cholesky factor of the normal equations for the tensor S; the same in every state
-    double against[6]; // right side of the normal equations for the tensor S, in the state that is read
-    double square;     // sum of V_e r_e^2 in the state that is read
+    double against[6]; // right side of the normal equations for the tensor S, in the state that is being evaluated
+    double square;     // sum of V_e r_e^2 in the state that is being evaluated
 } share;
 
 struct kn_gauge {
@@ -398,9 +398,10 @@ bool kn_energy_of(const kn_model *model, const kn_state *state, kn_energy *energ
 
 // --- audit ----------------------------------------------------------------------------------------------------------
 
-typedef struct moment {      // the energies when a copy of the state was made
-    double work_j, either_j; // work of the tools since the last reset; sum of the absolute values of each tick's work
-    double contact_j;        // largest energy that the contact layers may give back
+typedef struct moment { // the energies when a copy of the state was made
+    // work_j: work of the tools since the last reset; either_j: sum of the absolute values of each tick's work
+    double work_j, either_j;
+    double contact_j; // largest energy that the contact layers may give back
     double stored_j;
 } moment;
 
@@ -408,9 +409,10 @@ struct kn_audit {
     lattice lattice;
     kn_state *copy;
     sum sum;
-    int at_once;          // number of edges summed per tick
+    int at_once;          // number of edges, nodes and cells summed per tick
     bool summing, closed; // summing: the copy of the state is being summed; closed: `first` and `last` are valid
-    int64_t ticks, steps; // number of ticks audited since the last reset; state->tick at the last audited tick
+    // ticks: number of ticks audited since the last reset; steps: state->tick at the last audited tick
+    int64_t ticks, steps;
     moment now, taken, first, last;
     double probe_work_j[KN_PROBES_MAX];
     bool attached[KN_PROBES_MAX];

@@ -251,8 +251,8 @@ typedef struct mesh_specimen { // a net under test; strains are small, so direct
     double kappa_m, volume_m3;
 } mesh_specimen;
 
-// Memory of a test: the arrays x to moved have three reals per node. The arrays n (unit vector), k (stiffness) and u
-// (strain of the law) are per edge.
+// Memory of a test. `x` to `f` and `moved`: three reals per node. Per edge: `n`, the unit vector; `k`, the stiffness;
+// `u`, the strain of the law.
 typedef struct bench {
     const mesh_specimen *s;
     double *x, *r, *z, *d, *q, *jacobi, *f;

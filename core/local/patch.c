@@ -20,12 +20,13 @@ typedef struct group { // a set of connected pressed nodes
 
 struct kn_patches {
     const kn_model *model;
-    int *first, *near;   // neighbours of node i: near[first[i] .. first[i + 1] - 1]
+    int *first, *near;   // near[first[i] .. first[i + 1] - 1]: neighbours of node i
     double *force_n;     // force on each node in this grouping; 0: not pressed
-    int *pressed, *line; // pressed nodes of this grouping; stack of nodes to visit
+    int *pressed, *line; // pressed: pressed nodes of this grouping; line: stack of nodes to visit
     int8_t *member;      // group of each node
     int8_t *number[KN_PROBES_MAX];
-    int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX]; // nodes in the patches of each probe; number of these nodes
+    // last[p]: nodes in the patches of probe p; last_count[p]: number of these nodes
+    int *last[KN_PROBES_MAX], last_count[KN_PROBES_MAX];
     int count, probe, groups;
     group group[GROUPS_MAX];
 };
@@ -151,7 +152,7 @@ void kn_patches_press(kn_patches *s, int node, double force_n)
     s->force_n[node] += force_n;
 }
 
-// Add a node to a group. Its force also counts for the old patch that the node belonged to (from_n).
+// Add a node to a group. If the node belonged to an old patch j, also add its force to from_n[j].
 static void join(kn_patches *s, int node, int g)
 {
     int number = s->number[s->probe][node];
@@ -289,12 +290,14 @@ typedef struct tangents {
 struct kn_ahead {
     const kn_model *model;
     const kn_patches *patches;
-    int probe, count, at; // number of the probe; number of nodes of the skin; next node that the sweep visits
+    // probe: index of the probe; count: number of nodes of the skin; at: next node that the sweep visits
+    int probe, count, at;
     double reach_m;
     int *skin;
-    tangents *along;                   // [count] tangents at each node of the skin
-    double *distance_m;                // distance of every node from the tool; INFINITY: out of reach
-    int place[KN_PATCHES_MAX], places; // places found by the last sweep, as indices in `skin`; their number
+    tangents *along;    // [count] tangents at each node of the skin
+    double *distance_m; // distance of every node from the tool; INFINITY: out of reach
+    // place: places found by the last sweep, as indices in `skin`; places: number of these places
+    int place[KN_PATCHES_MAX], places;
 };
 
 // --- the skin -------------------------------------------------------------------------------------------------------
@@ -306,7 +309,8 @@ static int node_of(const kn_face *f, int u, int v)
     return f->origin + inside(u, f->len[0]) * f->step[0] + inside(v, f->len[1]) * f->step[1];
 }
 
-// Return the tangents at a node of a face. A spline passes through the nodes at the ends of a row only.
+// Return the tangents at a node of a face. Along a row, a spline skin passes through the two end nodes, but not through
+// the nodes between them. So `bends` is true only at nodes between the ends.
 static tangents along_face(const kn_model *m, const kn_face *f, int u, int v)
 {
     bool bends = m->def.skin == KN_SKIN_SPLINE;

@@ -17,8 +17,8 @@ enum { NODES_MAX = 1 << 22 };
 
 _Static_assert(sizeof(kn_damper) == sizeof(int) && sizeof(kn_solver) == sizeof(int), "a CHOICE is stored as an int");
 
-// The key table. The keys of each list in keys.h are members of another struct, so each list needs a row macro of its
-// own for offsetof.
+// The key table. Each list of keys in keys.h belongs to a different struct, so each list needs a row macro of its own
+// for offsetof.
 #define ROW(parent, id, when_, path_, type_, count_, unit_, least_, most_, fallback_, member, meaning_)                \
     [KN_KEY_##id] = {KN_WHEN_##when_, path_,     KN_TYPE_##type_,          count_,  unit_, least_,                     \
                      most_,           fallback_, offsetof(parent, member), meaning_},
@@ -302,8 +302,9 @@ static bool take_ends(kn_draft *draft)
 }
 
 // Check the stroke and set the default of the ratio. If a_min = a_max, the damper cannot move, and the ratio is a_max,
-// so that the object keeps its shape as made. Else the ratio is 0.2 if the material has a spring k1 or a rigid damper.
-// Without a spring, the ratio is c2/(c1 + c2): the share of c1 in the deformation when c1 and c2 are pressed in series.
+// so that the object keeps its shape as made. Otherwise the ratio is 0.2 if the material has a spring k1 or a rigid
+// damper. Without a spring, the ratio is c2/(c1 + c2): the share of c1 in the deformation when c1 and c2 are pressed in
+// series.
 static bool finish_stroke(kn_draft *draft)
 {
     kn_material *mat = &draft->scene.model.material;
@@ -492,7 +493,8 @@ bool kn_draft_finish(kn_draft *draft)
     return finish_solver(draft) && kn_draft_fine(draft) && kn_draft_quality(draft);
 }
 
-// Buffer of the canonical text. The text has about 2 kB, 10 kB with four unions, and 12 kB more with long paths.
+// Buffer of the canonical text. The text takes about 2 kB, or 10 kB with four unions; long paths add up to 12 kB. So 32
+// kB are enough.
 typedef struct page {
     char text[32768];
     size_t used;
@@ -541,7 +543,8 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     const char *dot = strrchr(key->path, '.');
     bool optional = key->fallback && *key->fallback == '\0';
     if (!relevant(draft, slot, id) || (optional && !kn_draft_given(draft, slot, id))) return;
-    if (slot == 0 && id == KN_KEY_VARIANT) return; // the material's numbers are already those of the variant
+    // leave out the variant: the material's numbers are already converted to it
+    if (slot == 0 && id == KN_KEY_VARIANT) return;
     if (kn_draft_of_device(id) && !draft->device_whole) return;
     // print the indentation, and "- " before the first key of a list item
     if (slot == 0) put(out, "%*s", 2 * open_groups(out, key->path), "");

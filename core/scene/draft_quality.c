@@ -153,7 +153,7 @@ static bool check_reach(kn_draft *draft, int slot)
     return true;
 }
 
-// Extend the rectangle from low_m to high_m, so that a probe stays within it anywhere in its reach.
+// Extend the rectangle from low_m to high_m so that it contains a probe's tool at every position in the probe's reach.
 static void add_reach(const kn_probe_def *probe, double low_m[3], double high_m[3])
 {
     for (int k = 0; k < 2; k++) {
@@ -201,7 +201,7 @@ bool kn_draft_fine(kn_draft *draft)
                                  "probes.%s.reach and the reach of every other probe lie outside the object, "
                                  "expected at least one on the object",
                                  def->probe[0].name);
-    // the box reaches from the top down by BELOW margins; kn_composite_box adds one of them below low_m
+    // the box reaches from the top down by BELOW margins; kn_composite_box adds one margin below low_m
     double margin = kn_draft_given(draft, 0, KN_KEY_MARGIN) ? draft->margin_m : MARGIN_WIDTHS * width;
     high_m[2] = (def->nodes[2] - 1) * def->spacing_m;
     low_m[2] = high_m[2] - (BELOW - 1) * margin;

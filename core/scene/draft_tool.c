@@ -19,8 +19,8 @@ static void turn_of(const double rad[3], double turn[3][3])
     memcpy(turn, of, sizeof of);
 }
 
-// Add a part of a union to the tool, with the part's position and rotation. A cross consists of two solids. Return
-// false if the tool would have too many solids.
+// Add a part of a union to the tool, with the part's position and rotation. A cross consists of two solids, so it adds
+// two. Return false if the tool would have too many solids.
 static bool add_part(kn_shape *tool, const kn_draft_part *part)
 {
     kn_shape own = {0};
@@ -53,9 +53,9 @@ static bool make_union(kn_draft *draft, int slot)
     return true;
 }
 
-// Number of cells of a tool's grid of distances per lattice spacing: the default, and the least that is allowed. With
-// 8, the error of the grid of a curved tool is less than the depth by which the tool presses in the contact's
-// foundation.
+// Number of cells of a tool's grid of distances per lattice spacing: the default, and the least that is allowed. With 8
+// cells per spacing, the error of the grid of a curved tool is less than the depth by which the tool presses in the
+// contact's foundation.
 #define CELLS_FINE 8
 #define CELLS_COARSE 3
 #define FARTHEST_M 10.0 // largest coordinate of a corner in the tool frame; the key `at` of a part has the same limit

@@ -301,7 +301,9 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
     size_t parent = (size_t)(name - path);
     const int another = strlen(name) > 4 ? 3 : 2; // names that differ by this many edits or more are not similar
     int least = another;
-    size_t near = strlen(path); // no path has a longer beginning in common, so only fewer edits count at first
+    // no key has a longer beginning in common with the wrong path than the whole wrong path; so at first a suggestion
+    // gets better only by fewer edits
+    size_t near = strlen(path);
     for (const kn_key *key = kn_keys; key < kn_keys + KN_KEY_COUNT; key++) {
         // consider the name in the mapping of the wrong path, then the whole path, which must be one edit better
         bool sibling = strncmp(key->path, path, parent) == 0;

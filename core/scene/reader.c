@@ -386,8 +386,8 @@ static bool read_node(reader *r, const char *path)
     return kn_draft_complain(r->draft, here(r), "%s: %s, expected a mapping", path, kind_of(r));
 }
 
-// Read a whole text. If `path` is "", the text is a scene or the file of a material or device. Else the text is the
-// value of a --set, and `path` is the key.
+// Read a whole text. If `path` is "", the text is a scene or the file of a material or device. Otherwise the text is
+// the value of a --set, and `path` is the key.
 static bool read_document(reader *r, const char *path)
 {
     do // skip the events "stream start" and "document start"

@@ -9,8 +9,8 @@
 // --- sizes ----------------------------------------------------------------------------------------------------------
 
 // Return the number of samples along each side of a node's patch: 4, or 2 for a tool that is large compared with the
-// patch. If samples are at most an eighth of a ball's radius apart, the force of the sliding ball ripples by 0.3 % per
-// ms only.
+// patch. If samples are at most an eighth of a ball's radius apart, the force of the sliding ball ripples by only 0.3 %
+// per ms.
 static int samples_per_patch(double spacing_m, const kn_shape *shape) { return shape->fine_m > 4 * spacing_m ? 2 : 4; }
 
 // Distance from the tool up to which a gripped sample is found, m. No grip is strong enough to stretch a contact as far
@@ -24,8 +24,8 @@ static double still_margin(const kn_model *model, const kn_probe_def *def)
     return 0.1 * model->def.spacing_m + def->adhesion_pa / kn_probe_foundation(def) + (def->grip_n > 0 ? GRIP_M : 0);
 }
 
-// The number of samples is an upper bound: the lower half of every tool is pressed into the skin, with a margin of one
-// patch. The ball around a tool's shape stands for the tool.
+// Return an upper bound of the number of samples. It assumes that the lower half of every tool is pressed into the
+// skin, with a margin of one patch. The ball around a tool's shape stands for the tool.
 int kn_contact_samples(const kn_model *model)
 {
     double count = model->base_count, h = model->def.spacing_m, patches = 0;
@@ -109,14 +109,15 @@ static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact
             if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
             kn_state_velocity(model, state, hold.node, v);
             if (gets_away(x[2] - plane, dt * v[2], x[2] - model->rest_m[hold.node][2])) continue;
-            // A node that is deeper in the plate than this step can have brought it came in from the side: do not hold
-            // it. Under a plate that goes up, only the node's own motion can have brought it into the plate. Without
-            // this limit, the plate would push the node down by up to a quarter of a cell.
+            // If a node is deeper in the plate than it can have got in this step, it came in from the side: do not hold
+            // it. Under a plate that goes up, a node can get into the plate only by its own motion. Without this limit,
+            // the plate would push the node down by up to a quarter of a cell.
             double down = fmax(0, -probe->velocity_m_s[2]);
             double came = dt * fmax(0, v[2] - probe->velocity_m_s[2]), h = model->def.spacing_m;
             double deepest = probe->velocity_m_s[2] > 0 ? 2 * came + 1e-3 * h : 0.25 * h + dt * down;
             if (x[2] - plane > deepest || held_by_other(model, state, p, t)) continue;
-            // at first touch, the node moves only by the part of the plate's step that is left, down to the plate
+            // at first touch, the plate moves the node only from the node's present height down to the plate's height
+            // at the end of the step
             hold.velocity_m_s[2] = (plane - x[2]) / dt;
             held[t] = 1;
         }
@@ -154,7 +155,8 @@ static search begin(const kn_model *model, const kn_state *state, int p, kn_cont
     s.relief_m = state->tool[p].relief_m;
     s.foundation_n_m3 = kn_probe_foundation(def);
     s.margin_m = still_margin(model, def);
-    // a coupled tool may hit the object at the speed that its coupling gives it in the air
+    // a coupled tool may approach at the speed that its coupling gives it in the air: add the path of one step to the
+    // margin
     if (s.tool->coupled) {
         double speed = sqrt(kn_dot(s.tool->drive, s.tool->drive)) / s.tool->give[0];
         s.margin_m += fmin(model->def.solver.dt_s * speed, s.shape->fine_m);
@@ -641,7 +643,8 @@ static void end_tool(const kn_model *model, kn_state *state, int p, const kn_too
     kn_probe_state *probe = &state->probe[p];
     kn_tool_state *own = &state->tool[p];
     if (!probe->attached) return;
-    // if the force exceeds the limit of a grip, the grip is torn loose until `grip` has been off and is on again
+    // a grip whose force exceeds the limit is torn loose; it stays loose until the input's `grip` has been off and is
+    // on again
     if (own->grip_n > 0 && kn_dot(held_n, held_n) > own->grip_n * own->grip_n) own->grip_n = -1;
     probe->contacts = out->contacts;
     kn_tool_advance(model, state, p, tool);

@@ -55,7 +55,8 @@ static void add_to(const kn_model *m, void *field, const patch *p)
 static void add_blocks(const kn_model *m, void *field, const patch *p)
 {
     for (int a = 0; a < p->nodes; a++) {
-        // the field has 6 components per node: find the first one from the offset in a 3-component field
+        // the field has 6 components per node: compute the place of the first from the node's offset in a field of 3
+        // components
         size_t o = p->sample->offset[a], first = o / (3 * m->stride) * 6 * m->stride + o % (3 * m->stride);
         for (size_t c = 0; c < 6; c++)
             if (p->block[a][c] != 0) kn_real_add(m, field, first + c * m->stride, p->block[a][c]);
@@ -98,7 +99,7 @@ static double end_of(double dt, const kn_sample *s, const double tool[3], double
 #define LAYER_MOST 0.95 // ratio of depth to the layer's thickness above which the pressure is a straight line
 
 // Judge one sample at its predicted place at the end of the step: decide whether it presses, and compute the tangent of
-// its pressure and its tangential stiffness. The prediction uses the present velocities of the guess.
+// its pressure and its tangential stiffness. The prediction uses the guessed velocities of skin and tool.
 static void judge(double dt, const kn_contact *c, kn_sample *s)
 {
     double tool[3], stretch[3] = {0}, k = s->foundation_n_m;

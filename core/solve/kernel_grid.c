@@ -10,7 +10,8 @@ typedef struct tables {
     real inverse[KN_FORWARD];      // factor 1/(gamma L0) from growth rate to strain rate [1/m]
     real area[KN_FORWARD];         // factor gamma kappa L0 from stress to force [m^2]
     real root;                     // factor sqrt(kappa A) from sqrt(ds/db) to sqrt(force per rate)
-    real mass_dt, weight;          // mass over dt [kg/s] and downward force [N] of an inner node
+    // mass_dt: mass of an inner node over dt [kg/s]; weight: downward force on an inner node [N]
+    real mass_dt, weight;
     // vectors: number K of vectors per row; rows: rows per plane; row_count: rows of the whole block
     int vectors, rows, row_count, planes;
     real *lane_share; // [K][16] share of a node along the row, 0 in the padding
@@ -22,7 +23,8 @@ typedef struct tables {
     real *lane_here[3]; // [3][K][16] 1 if the edge of this shift exists, else 0
     // row_share, plane_share: shares of a row (along b) and of a plane (along c); row_root, plane_root: their roots
     real *row_share, *row_root, *plane_share, *plane_root;
-    real diagonal, diagonal_root; // ratio of a diagonal's stiffness to a side's; its root
+    // diagonal: stiffness of a diagonal divided by the stiffness of a side; diagonal_root: root of `diagonal`
+    real diagonal, diagonal_root;
     // Gas. cell_inverse_h: 1/h; cell_push, cell_rate, cell_root: factors from the slopes of J to P0 dV/dx, to dt dJ/dt,
     // and to sqrt(dt P0/V0) dV/dx; cell_axis: scene axes of a, b, c; cell_to: distance from a cell's first row to each
     // of its four rows.
@@ -138,13 +140,14 @@ LANES_INLINE lanes near(int K, const real *field, int row, int c, int k, int s)
 {
     int to = k + s;
     if (to >= 0 && to < K) return lanes_load(field + at(K, row, 3, c, to));
-    // next to the last vector is the first vector, rotated by one lane, and vice versa
+    // the first vector, rotated by one lane, holds the neighbours of the last vector; the last vector, rotated the
+    // other way, holds those of the first vector
     if (s > 0) return lanes_next(lanes_load(field + at(K, row, 3, c, 0)));
     return lanes_prev(lanes_load(field + at(K, row, 3, c, K - 1)));
 }
 
-// near_vector returns the number of the vector that holds the neighbours of the nodes in vector k. `turn` rotates
-// values of vector k by lanes so that they can be added to this vector.
+// near_vector returns the index of the vector that holds the neighbours of the nodes in vector k. `turn` rotates values
+// of vector k by lanes so that they can be added to this vector.
 LANES_INLINE int near_vector(int K, int k, int s)
 {
     int to = k + s;
@@ -209,9 +212,11 @@ LANES_INLINE fields fields_of(const kn_state *state, int K)
 
 // Sixteen edges: from the nodes of vector k of a row to the nodes of row `to` that are shifted by s along the row.
 typedef struct edges {
-    int row, to, k, s, e; // first row, second row, vector, shift, number of the forward edge
-    bool moved;           // a prescribed velocity has changed in one of the two rows
-    real share, root;     // part of the edges' weight that depends on row and plane; its root
+    // row, to: first and second row; k: vector; s: shift; e: index of the forward edge
+    int row, to, k, s, e;
+    bool moved; // a prescribed velocity has changed in one of the two rows
+    // share: part of the edges' weight that depends on row and plane; root: root of `share`
+    real share, root;
 } edges;
 
 // Compute the unit vectors of sixteen edges, their stress at the solver's guess, and the root of the law's slope there.

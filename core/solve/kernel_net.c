@@ -414,7 +414,8 @@ static double apply(const kn_model *model, kn_state *state, double beta)
     const real *g = work->g, *z = work->z;
     for (int i = 0; i < 3 * t->nodes; i++) d[i] = z[i] + (real)beta * d[i];
     double sum = 0;
-    // add the products of the edges by lower node: sums of the lower node are in registers, of upper nodes in memory
+    // add the products of the edges, one lower node after the other; the sums of a lower node stay in registers, those
+    // of upper nodes are in memory
     for (int i = 0; i < t->nodes; i++) {
         const real own[3] = {d[3 * i], d[3 * i + 1], d[3 * i + 2]};
         real mine[3] = {t->mass_dt[i] * own[0], t->mass_dt[i] * own[1], t->mass_dt[i] * own[2]};

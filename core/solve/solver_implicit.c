@@ -272,7 +272,7 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     int wanted = s->effort.iterations;
     if (first && wanted > 1) {
         rz = go_on(m, state, s, rz, output);
-        // count this iteration without asking the deadline, because even the shortest step does it
+        // count this iteration without asking the deadline, because even the shortest step contains one iteration
         s->deadline.spent += s->deadline.iteration;
         wanted--;
     }
@@ -280,7 +280,7 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     // judge the samples of the contact again at the new guess; if some have changed, solve again with fewer iterations
     for (int again = 0; again < 2; again++) {
         if (again > 0 && !kn_deadline_spend(&s->deadline, s->deadline.look)) break;
-        // the work of the first look at the contact was counted with the linearisation
+        // the first look at the contact is not counted here, because its work was counted with the linearisation
         if (kn_foundation_change(m, s) == 0) break;
         rz = iterate(m, state, s, update(m, state, s, 0), (wanted + 1) / 2, output);
     }

@@ -105,7 +105,8 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
     plate->top_m = top_m / count;
     plate->h_m = m->def.spacing_m;
     plate->down_m_s = -change[2] / count;
-    // slow parts, whose strain rate is below KN_IMPACT_REST times the rate at which edges flow, do not flow
+    // parts of the object whose strain rate is below KN_IMPACT_REST times the rate at which edges flow are taken to be
+    // at rest
     plate->rest = (float)(KN_IMPACT_REST * flow_velocity(m) / m->def.spacing_m * plate->top_m / plate->down_m_s);
     return plate->down_m_s > KN_IMPACT_BLOW * flow_velocity(m) && plate->rest < 1 &&
            change[2] * change[2] > change[0] * change[0] + change[1] * change[1]; // the plate moves mostly downwards
