@@ -26,7 +26,7 @@ typedef struct pressed {      // one contact: the whole contact of a tool, or on
     double a, k1, h_n; // a: damping A; k1: stiffness; h_n: force H of contact_model.h; 0: not known yet
     // tt, tw: fading sums of t^2 and of t w_c2, where w_c2 is the rate of the damper c2; c2: the quotient tt/tw
     double tt, tw, c2;
-    double loaded; // share of the running mobility solve's load on this contact; 0: no load
+    double loaded; // share of the load of the running mobility solve that acts on this contact; 0: no load
 } pressed;
 
 typedef struct fitted { // one probe's contact
@@ -193,7 +193,7 @@ static void settle(const sums *s, pressed *c)
     c->rate_m_s = s->power_w / t;
     c->layer_n_m = 0;
     kn_cross(c->normal, s->torque_n_m, across);
-    // the torque does not determine the height along the normal: take the mean height of the samples
+    // the torque does not determine the point's height along the normal: take the mean height of the samples
     double height = s->pressing_n > 0 ? kn_dot(s->place_n_m, c->normal) / s->pressing_n : 0;
     for (int k = 0; k < 3; k++) c->arm_m[k] = across[k] / t + height * c->normal[k];
 }
@@ -337,7 +337,7 @@ static void follow_flow(const kn_model *m, pressed *c)
     double fade = exp(-m->def.solver.dt_s / MEMORY_S), flow = c->rate_m_s - (c->force_n - c->h_n) / c->a;
     c->tt = fade * c->tt + c->force_n * c->force_n;
     c->tw = fade * c->tw + c->force_n * flow;
-    // keep c2 between the values for the material's damper at its softest and at its stiffest
+    // soft, stiff: c2 of this contact if the material's damper is at its softest or stiffest; they are the limits of c2
     double stiff = c2_at(m, c->a, 0), soft = c2_at(m, c->a, 1e12);
     c->c2 = c->tw > 0 && c->tt > 0 ? clip(c->tt / c->tw, fmin(soft, stiff), stiff) : stiff;
 }
@@ -679,7 +679,8 @@ void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact
         if ((f->used >> i & 1) && f->patch[i].force_n > 0) told[patches++] = &f->patch[i];
     if (patches < 2 || patches > most) told[0] = &f->all, patches = 1;
     int places = f->places < most - patches ? f->places : most - patches;
-    if (!f->touching && places > 0) patches = 0; // in air, f->all would repeat the nearest place of f->place
+    // in air, leave out f->all, because it repeats the nearest place of f->place
+    if (!f->touching && places > 0) patches = 0;
     const bool alone = patches + places == 1;
     for (; count < patches; count++) {
         unit[count] = (kn_contact_unit){.contact_index = count};

@@ -318,7 +318,7 @@ static double soft_of(const kn_contact_unit *unit) { return unit->k_vc_n_per_m >
 // coupling. Return the compliance of the server's coupling.
 static double set_coupling(const kn_contact_model *m, const kn_contact_unit *unit, kn_contact_body *b)
 {
-    // this device is not stable with a coupling stiffer than its own
+    // use no coupling stiffer than this device's own, because the device would not be stable
     const double most_n_m = m->def.stiffness_n_m, most_n_s_m = m->def.damping_n_s_m;
     double theirs = soft_of(unit), k = positive_or(unit->k_vc_n_per_m, most_n_m);
     b->k = unit->contact_count > 1 ? most_n_m : fmin(k, most_n_m);

@@ -144,7 +144,8 @@ static bool edge_at(const kn_grid *g, int node, int e, kn_edge *edge)
         to[k] = abc[k] + kn_grid_forward[e][k];
         if (to[k] < 0 || to[k] >= g->len[k]) return false;
         if (kn_grid_forward[e][k] != 0) steps++;
-        else weight *= end_share(abc[k], g->len[k]); // half if only one layer of cells along this axis has this edge
+        // half in the first and in the last plane across this axis, because there the edge has cells on one side only
+        else weight *= end_share(abc[k], g->len[k]);
     }
     if (steps > 1 && g->diagonal == 0) return false;
     edge->i = node;

@@ -324,7 +324,7 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
 // guard acted.
 static int guard(kn_safety *s, const double force_n[3])
 {
-    // after gap_ms ms without live contact, allow the change of force of gap_ms ms, but at most that of hold_ms ms
+    // the allowed change grows with the time since the last live contact, gap_ms, but at most to that of hold_ms
     int ms = s->gap_ms < 1 ? 1 : s->gap_ms < s->limits.hold_ms ? s->gap_ms : s->limits.hold_ms;
     kn_guard_result result = kn_guard_pass(&s->guard, force_n, s->guard.most_n_per_ms * ms, s->force_n);
     if (result == KN_GUARD_FREE) return 0;
@@ -333,12 +333,12 @@ static int guard(kn_safety *s, const double force_n[3])
     return KN_FLAG_GUARD;
 }
 
-// Set the stage's force and torque to those of the contact, as far as the guard allows. Return KN_FLAG_GUARD if the
-// guard acted.
+// Set the force and torque of the safety stage to those of the contact, as far as the guard allows. Return
+// KN_FLAG_GUARD if the guard acted.
 static int render(kn_safety *s, const double force_n[3], const double torque_n_m[3])
 {
     int flags = 0;
-    // rejoining: approach the contact force so slowly that the output changes by less than kn_safety_slope per ms,
+    // rejoining: approach the contact force so slowly that the output changes by at most kn_safety_slope per ms,
     // although the gain also rises
     if (s->rejoining)
         s->rejoining =

@@ -231,9 +231,9 @@ static int coincident(const kn_simplices *s, const record *r, int i, const int c
     return -1;
 }
 
-// Check that no two nodes lie in the same place. Space is divided into cells whose side is twice the tolerance. Draw a
-// cube around a node, whose half side is the tolerance: all nodes within the tolerance are in the cells that contain
-// the cube's eight corners.
+// Check that no two nodes lie in the same place. Space is divided into cells whose side is twice the tolerance. The
+// cells that contain the eight corners of a cube around a node, with the tolerance as the cube's half side, contain all
+// nodes within the tolerance of this node.
 static bool check_places(checker *c, record *r)
 {
     const kn_simplices *s = c->s;

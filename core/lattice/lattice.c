@@ -125,7 +125,7 @@ static bool build_cells(kn_model *m)
 
 bool kn_lattice_edges(kn_model *m)
 {
-    if (m->def.mesh) return true; // a net has had its list of edges since kn_net_build
+    if (m->def.mesh) return true; // kn_net_build has already listed the edges of a net
     m->edge_count = kn_grid_edges(&m->grid, NULL);
     m->edges = calloc((size_t)m->edge_count + 1, sizeof(kn_edge));
     if (m->edges) kn_grid_edges(&m->grid, m->edges);

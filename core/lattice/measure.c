@@ -31,7 +31,8 @@ bool kn_springs_init(kn_springs *s, const kn_model *model)
 {
     const kn_model *m = model;
     const kn_composite *c = m->composite;
-    // only the implicit solver's state holds the strain of the step's beginning; see kn_springs.law
+    // u is the strain at the step's beginning with the implicit solver, at the step's end with all others; see
+    // kn_springs.law
     bool stepped = m->def.solver.kind == KN_SOLVER_IMPLICIT;
     *s = (kn_springs){.model = m, .gamma = m->def.mesh ? m->gamma : m->grid.gamma};
     kn_law_build(&s->law, &m->def.material, stepped ? m->def.solver.dt_s : 0, true);
@@ -98,7 +99,8 @@ kn_spring_now kn_spring_look(const kn_springs *s, const kn_state *state, int num
     double last = kn_real_get(s->model, state->strain, (size_t)e->slot), dt = law->dt_s;
     double b = law->a_pa_s * rate + mat->k1_pa * last;
     n.stress_pa = kn_law_stress(law, b);
-    double left = stretch - s->gamma * last; // strain of the damper if the Voigt part had kept its strain `last`
+    // strain that the damper would have if the Voigt part had kept its strain `last`
+    double left = stretch - s->gamma * last;
     if (law->stroke && dt > 0)
         n.stress_pa = kn_law_stop(law, n.stress_pa, b, (left - law->in) / s->gamma, (law->out - left) / s->gamma);
     if (law->stroke && dt == 0 && // Runge-Kutta: rigid at a stop

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Factors of units that are not powers of ten. kn_quantity_in multiplies by these factors or divides by them.
+// The unit factors that are not powers of ten. kn_quantity_in multiplies by these factors or divides by them.
 #define GF_NEWTON 9.80665               // 1 kgf in N: standard gravity, exact by definition
 #define ATM_PASCAL 1.01325              // 1 atm in 1e5 Pa: exact by definition
 #define DEG_RADIAN 0.017453292519943295 // 1 deg in rad

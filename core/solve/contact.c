@@ -595,7 +595,7 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
     if (state->anchor) recall_all(model, state, contact);
 }
 
-// Add a force at `arm` from the tool's position to the output of a probe.
+// Add a force to the output of a probe. `arm`: vector from the tool's position to the point where the force acts.
 static void add_force(kn_probe_output *out, const double arm[3], const double force[3])
 {
     double torque[3];

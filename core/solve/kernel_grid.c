@@ -16,8 +16,8 @@ typedef struct tables {
     int vectors, rows, row_count, planes;
     real *lane_share; // [K][16] share of a node along the row, 0 in the padding
     real *lane_mass;  // [K][16] equal to lane_share, but 1 in the padding, so no block is singular
-    // [3][K][16] weight along the row of the edges from a node to a node shifted by -1, 0 and +1 along the row. For
-    // shifts -1 and +1: 1 if the edge exists, else 0. For shift 0: the node's share.
+    // [3][K][16] weights of the edges with the shifts -1, 0 and +1 along the row, as far as they depend on the place in
+    // the row. For shifts -1 and +1: 1 if the edge exists, else 0. For shift 0: the node's share.
     real *lane_near[3];
     real *lane_near_root[3];
     real *lane_here[3]; // [3][K][16] 1 if the edge of this shift exists, else 0
@@ -210,7 +210,8 @@ LANES_INLINE fields fields_of(const kn_state *state, int K)
         K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
 }
 
-// Sixteen edges: from the nodes of vector k of a row to the nodes of row `to` that are shifted by s along the row.
+// Sixteen edges: they lead from the nodes of vector k of a row to the nodes of row `to` that are shifted by s along the
+// row.
 typedef struct edges {
     // row, to: first and second row; k: vector; s: shift; e: index of the forward edge
     int row, to, k, s, e;

@@ -316,8 +316,8 @@ static void cells_add(const kn_work *work, const tables *t, const real *displace
     }
 }
 
-// Do the work of cells_add with one pressure for the whole object. First sum the volumes, and dV/dx of every node in
-// work->cell, [nodes][3].
+// Do the work of cells_add with one pressure for the whole object. First sum the volumes, and sum dV/dx of every node
+// in work->cell, an array [nodes][3].
 static void object_add(const kn_work *work, const tables *t, const real *displacement)
 {
     real *r = work->r, *p = work->p, *kept = work->cell;

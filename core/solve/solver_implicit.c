@@ -185,8 +185,8 @@ static double rigid_add(const kn_model *model, kn_scratch *scratch)
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
-// Return the power r.z or d.q, W, below which its f32 terms begin to underflow. The quotient of two such powers is
-// meaningless.
+// Return a limit for the powers r.z and d.q, W. Below this limit, their f32 terms begin to underflow, and a quotient of
+// two such powers is meaningless.
 static double least_w(const kn_model *m) { return kn_model_single(m) ? 1e-28 : 0; }
 
 // Return the value of r.z below which the object is at rest, so that no iteration is needed.

@@ -252,7 +252,7 @@ int64_t kn_deadline_guess(const kn_deadline *d, const kn_model *model, int lines
 void kn_deadline_share(kn_deadline *d, int lines, int iterations)
 {
     const int64_t room = d->most - d->spent, price = d->line + d->look, few = LINE_ITERATIONS * d->iteration;
-    // longest: largest number of units that one linearisation can take after it has begun, with a second look
+    // longest: largest number of work units that one linearisation can take after it has begun, including a second look
     const int64_t longest = d->look + iterations * d->iteration;
     d->line_most = d->most;
     d->hurried = false;
