@@ -16,8 +16,8 @@
 #define DATAGRAM_MAX 65536     // largest size of a datagram, bytes; limit of UDP
 #define BUFFER_BYTES (4 << 20) // size of the receive buffer, bytes; holds the mesh messages of 1 s
 #define HELLO_NS 50000000      // interval of hello messages while the life (present run) of kneadd is not known, ns
-// Time without an authentic and fresh message, ns. After this time, a hello message asks kneadd again for the number of
-// its life (present run).
+// If no authentic and fresh message arrives for this time [ns], a hello message asks kneadd again for the number of its
+// life (present run).
 #define SILENCE_NS 250000000
 #define NONCE_NS 1000000000 // longest wait for the answer to a hello, ns; after that a new nonce is used
 #define LAG_US 200          // largest amount by which one message reduces the estimated age of kneadd, us
@@ -41,7 +41,7 @@ struct kn_bus_client {
     lcm_t *lcm;  // LCM instance that sends messages; with KN_MEMORY_URL it also receives them
     int fd;      // descriptor of the receiving socket; -1 with KN_MEMORY_URL
     bool trusts; // true: messages of this connection are neither signed nor checked
-    bool hails;  // true: this connection sends hello messages, because kneadd listens to its bus
+    bool hails;  // true: sends hello messages, because kneadd listens to the bus of this connection
     heard heard[HEARD_MAX];
     int count, handed;
     kn_auth_stamp last; // stamp of the newest message of kneadd that was accepted on this connection
@@ -176,7 +176,7 @@ void kn_bus_client_close(kn_bus_client *j)
 static size_t largest_of(const char *channel)
 {
     if (!strcmp(channel, "KNEAD_MESH_INIT")) return KN_BUS_CLIENT_LARGEST;
-    if (!strcmp(channel, "KNEAD_SCENE")) return 2 << 20; // the file of a scene has at most 1 MiB
+    if (!strcmp(channel, "KNEAD_SCENE")) return 2 << 20; // more than the largest scene file (1 MiB)
     return strcmp(channel, "KNEAD_MESH_UPDATE") ? 4096 : DATAGRAM_MAX;
 }
 
@@ -250,7 +250,7 @@ static void hear_life(const unsigned char *bytes, size_t size, kn_auth_stamp sta
     if (size != sizeof nonce || stamp.life == 0) return;
     memcpy(&nonce, bytes, sizeof nonce);
     if (nonce == 0 || !atomic_compare_exchange_strong(&own.nonce, &nonce, 0)) return;
-    // In a new life of kneadd, refuse messages that were sent before this answer.
+    // If this is the first answer of a new life of kneadd, refuse all messages that kneadd sent before this answer.
     bool same = atomic_load(&own.life) == stamp.life;
     if (!same) atomic_store(&own.floor_us, stamp.age_us);
     note_age(stamp.age_us, true);
@@ -274,7 +274,8 @@ static bool is_recent(kn_bus_client *j, const unsigned char *payload, size_t siz
     return true;
 }
 
-// Return true if a message is fresh by the life and the age of kneadd in its stamp.
+// Return true if the stamp of a message, which contains the life and the age of kneadd, shows that the message is
+// fresh.
 static bool is_fresh(kn_bus_client *j, const char *channel, kn_auth_stamp stamp)
 {
     int64_t life = atomic_load(&own.life);
@@ -385,7 +386,7 @@ static int take_part(kn_bus_client *j, const kn_packet *p)
     memcpy(m->bytes + m->got, p->payload, p->size);
     m->got += (uint32_t)p->size;
     m->part++;
-    // Wait for more parts, unless this part is the last one and all bytes have arrived.
+    // If this part is not the last one, or if bytes are missing, wait for more parts.
     if (m->part < p->parts || m->got < m->whole) return 0;
     size_t size = m->whole;
     m->whole = 0;

@@ -19,7 +19,8 @@
 #include <stdint.h>
 
 #define KN_FORCE_URL "udpm://239.255.76.67:7667?ttl=0" // poses, forces, scene, events, status
-// URL of a queue in memory that replaces the bus. For tests, which pass the messages on themselves (tests/rig.h).
+// URL of a queue in memory that replaces the bus. Only tests use this queue; they pass its messages on themselves
+// (tests/rig.h).
 #define KN_MEMORY_URL "memq://"
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
 // Largest size of a message that is sent in parts, bytes. A mesh of 2^20 triangles needs 12 MiB.
@@ -42,7 +43,7 @@ bool kn_bus_client_check(const char *url, const char *otherwise, char *error, si
 //     KNEAD_KEY     a key file (server/auth.h): sign messages; accept only fresh messages with a valid tag
 //     KNEAD_MUTE=1  with a key: send nothing; accept messages stamped within 5 s of this machine's wall clock
 kn_bus_client *kn_bus_client_open(const char *url, const char *otherwise, char *error, size_t error_size);
-// Close the connection and free it. `join` may be NULL.
+// Close the connection `join` and free its memory. NULL is allowed.
 void kn_bus_client_close(kn_bus_client *join);
 
 // Call `handler` for each message on `channel`. A '*' at the end of `channel` stands for any name of a tool,

@@ -4,7 +4,8 @@
 
 static const double period_s = 1e-3; // sampling period, s, as in haptic_loop.c
 static const double lean_n = 1.0;    // constant downward load on a device that nobody holds, N
-// The loop buzzes if the force reverses its direction more often than this in a second; 20 reversals are 10 Hz.
+// Largest number of reversals of the force per second in a loop that does not buzz; 20 reversals per second are an
+// oscillation at 10 Hz.
 static const int buzz_turns = 20;
 
 // Reset the monitoring of the closed loop at the start of an attempt to play the path.
@@ -96,13 +97,13 @@ static void take_up(kn_closed_loop_hand *g, const kn_tool_path_point *point)
 }
 
 // With grip NONE, a hand with a normal grip moves the device to the object. When the tool first touches the object, the
-// hand releases the device, and a load of 1 N acts on the device. When the path is above the height of the release, the
-// hand grips the device again and moves it away.
+// hand releases the device, and a load of 1 N acts on the device. When the path has risen above the height at which the
+// hand released the device, the hand grips the device again and moves it away.
 static void let_go(kn_closed_loop_hand *g, const kn_tool_path_point *intended)
 {
     const kn_hand *h = &g->player->hand;
     bool playing = h->mode == KN_HAND_PLAY, touches = playing && h->force.contacts > 0;
-    // When the hand grips again, it starts at the position of the device, so that the grip carries no force.
+    // Before the hand grips again, move the hand to the device, so that the grip carries no force at first.
     if (g->alone ? !playing || intended->position_m[2] > g->left_z_m : !touches) {
         if (g->alone) {
             memcpy(g->arm.hand_m, g->arm.x_m, sizeof g->arm.hand_m);

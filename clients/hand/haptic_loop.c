@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Number of integration steps per period. With a period of 1 ms, a step takes 50 us. This is 1/90 of sqrt(m / k), where
-// m is the mass of the lightest device and k the stiffness of the firmest grip.
+// Number of integration steps per period. With a period of 1 ms, a step takes 50 us. This step is 1/90 of sqrt(m / k),
+// where m is the mass of the lightest device and k is the stiffness of the firmest grip.
 #define SUBSTEPS 20
 #define TAU 6.283185307179586
 
@@ -233,7 +233,7 @@ double kn_lumped_object_tick(kn_lumped_object *pad, const kn_coupling *coupling,
 {
     const kn_lumped_object_def *d = &pad->def;
     bool wall = d->k1_n_m == 0.0 && d->c1_n_s_m == 0.0;
-    // A wall has A = infinity, so its Voigt element never moves.
+    // A wall has an infinite A (symbol of haptic_loop.h), so the Voigt element of a wall never moves.
     double a = wall ? INFINITY : d->c1_n_s_m + dt_s * d->k1_n_m, h = d->k1_n_m * pad->voigt_m;
     // Compute the depth of the device below the deformed surface, and the terms Q and G of the force law F = Q - G w in
     // haptic_loop.h.
@@ -374,11 +374,12 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
 static const double period_s = 1e-3;
 static const double lean_n = 1.0, press_n = 2.0, clear_m = 2e-3, tap_m = 0.01, tap_hz = 2.0;
 static const double slide_m = 0.02, slide_m_s = 0.01, slide_from_s = 2.0, ramp_s = 0.05;
-// A resting device buzzes if its rms position above 10 Hz exceeds this value plus 1.5 encoder steps, m.
+// A resting device buzzes if its vibration exceeds this value plus 1.5 encoder steps, m. The vibration is the root mean
+// square of the part of the position above 10 Hz.
 static const double unseen_m = 2e-6;
 
-// Stiffness of the springs of arm and grip in series, N/m. To press with a force against a wall, the intended path must
-// go force / stiffness deeper than the wall.
+// Stiffness of the springs of arm and grip in series, N/m. To press with the force F against a wall, the intended path
+// must lie below the surface of the wall by F / stiffness.
 static const double give_n_m[KN_GRIPS] = {[KN_GRIP_LIGHT] = 75.0, [KN_GRIP_NORMAL] = 218.2, [KN_GRIP_FIRM] = 606.1};
 
 // State of one simulated motion. way_n: forces on their way to the device, a ring of the last trip_ms + 1 periods.
@@ -414,7 +415,7 @@ static void path_at(const kn_haptic_loop_def *def, double t_s, double path_m[3],
     if (def->motion == KN_HAPTIC_LOOP_TAP) {
         path_m[2] = tap_m * cos(w * t_s);
         path_m_s[2] = -tap_m * w * sin(w * t_s);
-        // A press goes down on half a cosine within 1 s and stays.
+        // In a press, the hand moves down along half a cosine period within 1 s, then stays down.
     } else if (t_s >= 1.0) {
         path_m[2] = -depth_m;
     } else {

@@ -46,7 +46,7 @@ typedef struct kn_held_device_def {
     double force_limit_n; // largest |force| that the device can give; 0: no limit
     double period_s;      // period at which position is sampled and force is held; default 1 ms
     double velocity_hz;   // cut-off frequency of the low-pass that measures the velocity, default 100 Hz
-    // 1: the device moves freely along z only, and x, y follow the path; 3 (default): x, y and z are free
+    // number of axes along which the device moves freely. 1: only z, and x, y follow the path; 3 (default): all axes
     int axes;
     kn_grip grip;
     double bias_n[3]; // constant external force on the device, with or without a hand

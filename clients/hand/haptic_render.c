@@ -3,7 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-// Smallest stiffness of the coupling from which the energy reservoir of the passivity controller is computed, N/m.
+// The energy reservoir of the passivity controller is computed from the stiffness of the coupling. If the stiffness is
+// lower than this value, this value is used instead, N/m.
 static const double lightest_n_m = 100.0;
 static const double fade_s = 0.017; // time in which the force fades to 0 after a stop of the rendering
 // Time without a new force after which a watchdog fades the force, s. The watchdogs hold a force for 3 ticks of 1 ms.
@@ -12,8 +13,8 @@ static const double hold_s = 3.5e-3;
 // steeper; see core/safety.h.
 static const double slope_n_per_ms = 0.5;
 static const double smoothing = 0.01; // weight of the newest round trip in the smoothed round trip
-// If more time than this has passed since the last call, only this time is used, s. By then, the force of the local
-// model has faded anyway.
+// Upper limit of the time between two calls, s. If more time has passed, the computation uses this limit. The error
+// does not matter, because the force of the local model has faded by then.
 static const double longest_s = 0.05;
 static const double step_s = 0.01; // longest time step of the local model
 // Force limit of the local model, N. The limit is too high to matter, so that the impulse guard sees a wild force and
@@ -103,7 +104,8 @@ bool kn_haptic_render_force(kn_haptic_render *r, const double scene_n[3], double
     // If this force is the first answer to its pose, update the smoothed round trip with the time since that pose was
     // sent.
     if (age_s >= 0.0) r->round_trip_s += smoothing * (fmin(age_s, 1.0) - r->round_trip_s);
-    // If the round trip is too long, stop rendering kneadd's forces. The local model and def.held prevent this stop.
+    // If the round trip is too long, stop rendering kneadd's forces. Do not stop if the local model is used or def.held
+    // is set.
     if (r->round_trip_s > KN_HAPTIC_RENDER_FAR_S && !r->def.local && !r->def.held) stop(r, KN_HAPTIC_RENDER_FAR);
     kn_device_force(&r->def.device, scene_n, r->heard_n);
     r->news = true;
@@ -145,7 +147,7 @@ static void fade(kn_haptic_render *r, double dt_s, const double wanted_n[3])
 
 // Pass wanted_n through the impulse guard. The function may be called at any rate, because the allowed change of the
 // force grows with the time since the last call, up to the change that is allowed in 1 ms. A force may be held for 3
-// ms. So if no new force has come for 2 or 3 ms, the allowed change grows up to that of 2 or 3 ms.
+// ms. So if a new force comes after 2 or 3 ms, it may change by as much as is allowed in 2 or 3 ms.
 static void guard(kn_haptic_render *r, double dt_s, const double wanted_n[3], bool news)
 {
     r->gap_s = fmin(r->gap_s + dt_s, longest_s);
@@ -180,7 +182,8 @@ void kn_haptic_render_give(kn_haptic_render *r, double dt_s, const double positi
     // observed: true if the passivity controller runs, which needs the mass of the device. news: true if there is a new
     // force; the local model gives a new force at every call.
     bool observed = r->passivity.def.mass_kg > 0.0, news = r->news || r->def.local;
-    // kneadd does not send the energy stored in its object. The value -1 tells the controller that it is not known.
+    // kneadd does not send the energy stored in its object. The value -1 tells the controller that this energy is not
+    // known.
     double wanted_n[3], stored_j = -1.0;
     dt_s = fmax(dt_s, 0.0);
     if (r->def.local) stored_j = replay(r, dt_s, position_m, velocity_m_s, wanted_n);

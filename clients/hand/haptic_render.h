@@ -54,7 +54,8 @@ typedef struct kn_haptic_render_def { // a field of 0 selects its default, if it
     double guard_n_per_ms; // largest change of the force per ms that the impulse guard passes; default 4
     double velocity_hz;    // cut-off frequency of the velocity filter of the passivity controller, default 100
     bool local;            // true: compute the force from KNEAD_CONTACT; false: from KNEAD_FORCE
-    // True: use KNEAD_FORCE whatever the round trip is (no stop FAR). Unsafe, for demonstrations only.
+    // True: use KNEAD_FORCE even if the round trip is too long (no stop FAR). This is unsafe and for demonstrations
+    // only.
     bool held;
 } kn_haptic_render_def;
 
@@ -69,7 +70,8 @@ typedef struct kn_haptic_render { // state of the output stage; read-only for th
     double largest_n;  // largest magnitude of given_n so far
     // Number of new forces above force_limit_n; the local model makes one new force per ms.
     int64_t clamped;
-    // Counts. guards: forces that the impulse guard limited. reflexes: stops by REFLEX. refusals: stops by FAR.
+    // guards: number of forces that the impulse guard limited. reflexes, refusals: numbers of stops with the reasons
+    // REFLEX and FAR.
     int64_t guards, reflexes, refusals;
     kn_passivity passivity;
     kn_contact_model model;
@@ -97,7 +99,8 @@ void kn_haptic_render_pose(kn_haptic_render *r, int64_t seq, const double positi
 // Take a KNEAD_FORCE of this session. age_s: if the force is the first answer to its pose, time since that pose was
 // sent; otherwise any value below 0. If the force is not finite, ignore it and return false.
 bool kn_haptic_render_force(kn_haptic_render *r, const double scene_n[3], double age_s);
-// Take a KNEAD_CONTACT message of any session. Return whether the local model uses it, or why not.
+// Take a KNEAD_CONTACT message of any session. The result says whether the local model uses the message and, if not,
+// why.
 kn_contact_take kn_haptic_render_contact(kn_haptic_render *r, const kn_contact_unit *unit);
 
 // Compute r->given_n, the force for the motors, at this position and velocity of the device. dt_s: time since the last

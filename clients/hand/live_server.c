@@ -163,8 +163,8 @@ void kn_live_server_close(kn_live_server *live)
     *live = (kn_live_server){0};
 }
 
-// Longest wait for an answer from kneadd, s. kneadd answers in milliseconds, unless a request makes it build an object
-// first.
+// Longest wait for an answer from kneadd, s. kneadd answers in milliseconds, except if it must first build an object
+// for the request.
 #define PATIENCE_S 10
 // Largest size of an answer from kneadd, bytes.
 #define ANSWER_MAX (1 << 20)

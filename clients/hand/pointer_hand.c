@@ -122,8 +122,8 @@ static double toward(double speed, double wanted, double most)
     return speed + fmin(fmax(wanted - speed, -most), most);
 }
 
-// Move down towards goal_m: fast in the air, slower near the object so as to touch gently, and at press speed inside
-// the object.
+// Move down towards goal_m: fast in the air, slower near the object, so that the touch is gentle, and at press speed
+// inside the object.
 static void move_down(kn_pointer_hand *p, double goal_m, double dt_s)
 {
     double *z = &p->point.position_m[2], *v = &p->point.velocity_m_s[2], above_m = *z - p->ground_m;
@@ -138,8 +138,8 @@ static void move_down(kn_pointer_hand *p, double goal_m, double dt_s)
         // In the last millimetre above the object a flat tool brakes to its touch speed.
         speed = fmin(speed, braking(above_m, landing_m_s2, touch_m_s[1]));
     } else {
-        // Higher above the object, brake in time: a round tool to its touch speed at the object, a flat tool to the
-        // speed at which its last millimetre begins.
+        // Higher above the object, brake in time. A round tool must reach its touch speed at the object. A flat tool
+        // must reach, 1 mm above the object, the speed with which it starts the last millimetre.
         double end_m_s = p->flat ? braking(landing_m, landing_m_s2, touch_m_s[1]) : touch_m_s[0];
         speed = fmin(speed, fmin(air_m_s, braking(above_m - p->flat * landing_m, 0.5 * air_m_s2, end_m_s)));
     }
@@ -205,8 +205,8 @@ static void follow(kn_pointer_hand *p)
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
                                  int elapsed_ms)
 {
-    // A new press (its number has changed) starts without a ground, the lowest height reached. The new press is allowed
-    // even if the previous one was barred.
+    // If the number of the press has changed, a new press begins. Forget the lowest height that the tool reached in the
+    // previous press (ground_m). The new press is allowed even if the previous press was barred.
     if (wish->press != p->wish.press) p->ground_m = INFINITY, p->barred = false;
     p->wish = *wish;
     feel(p, force, elapsed_ms);
@@ -225,7 +225,7 @@ kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish 
 static const double hover_m = 0.004; // height of the hovering tool above the highest point of the object
 // When the pointer is outside the object, the tool follows it up to this distance from the object's edge.
 static const double beside_m = 0.02;
-static const double uneven_m = 2e-3; // largest unevenness of the top that a flat tool levels slowly before it presses
+static const double uneven_m = 2e-3; // largest unevenness of the top that a flat tool levels slowly before a press
 // Fraction of the object's height that must remain under the tool, because thinner cells turn inside out.
 static const double thinnest = 0.5;
 

@@ -24,8 +24,8 @@ typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all
     // constant depth.
     double at_m[2];
     double hover_z_m; // z of the hovering tool, where the tool does not touch the object
-    // Z at which the tool touches the object at at_m. Computed when a press begins, and used only while `pressed` is
-    // true.
+    // Height z at which the tool touches the object if it comes down at the place at_m. The height is computed when a
+    // press begins, and used only while `pressed` is true.
     double touch_z_m;
     double flush_z_m; // z at which a flat tool touches the object everywhere; <= touch_z_m
     double depth_m;   // wanted depth of the tool below touch_z_m, >= 0
@@ -89,7 +89,7 @@ kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *pointer, const kn_pointer_hand
 typedef struct kn_pointer_hand_reach {
     const kn_model_def *def; // model of the scene; def and tool must outlive this struct
     const kn_probe_def *tool;
-    uint8_t *top;       // [vertices] 1: the vertex belongs to the top face (kn_tool_height_top)
+    uint8_t *top;       // one flag per vertex; 1: the vertex belongs to the top face (kn_tool_height_top)
     int vertices;       // number of vertices of the scene's mesh
     double extent_m[3]; // size of the undeformed object along x, y, z
     kn_camera camera;   // camera that draws the picture in which the user points

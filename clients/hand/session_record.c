@@ -124,7 +124,7 @@ bool kn_session_record_scene(kn_session_record *r, int timeout_ms)
 static void *run(void *self)
 {
     kn_session_record *r = self;
-    // If the kernel refuses the priority, messages wait in the receive buffer longer.
+    // A refusal by the kernel is no error: messages then only wait longer in the receive buffer.
     kn_bus_client_priority(reader_priority);
     while (!atomic_load(&r->stop)) kn_bus_client_handle(r->bus, 20);
     // Take the messages that are still on their way, for a fixed time. Waiting for silence would never end, because
@@ -156,7 +156,7 @@ bool kn_session_record_stop(kn_session_record *r, char *error, size_t error_size
         r->started = false;
     }
     if (!r->log) return true;
-    // Write the rest of the stream's buffer now, because this may fail.
+    // Write the rest of the stream's buffer now, because a failed write must be reported.
     if (fflush(r->log->f) != 0 && !*r->log_error) snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
     lcm_eventlog_destroy(r->log);
     r->log = NULL;
@@ -179,19 +179,20 @@ void kn_session_record_destroy(kn_session_record *r)
     free(r);
 }
 
-// Return the attempt to play the path whose pose this force answers, or NULL.
+// A force answers one pose. Return the attempt (to play the path) in which this pose was sent, or NULL.
 static const kn_attempt *attempt_of(const kn_hand *hand, const knead_contact_force_t *f)
 {
     for (int i = 0; i < hand->tries; i++) {
         const kn_attempt *t = &hand->attempt[i];
         if (f->session == t->session && f->seq >= 1 && f->seq <= t->sent + 1)
-            // The last pose of an attempt has the number sent + 1. It only tells kneadd that the hand leaves the tool.
+            // The last pose of an attempt has the number sent + 1. This pose only tells kneadd that the hand leaves the
+            // tool.
             return t;
     }
     return NULL;
 }
 
-// Return the time on the path of the pose that this force answers, s. The path begins with pose number play_seq and
+// Return the time on the path, s, of the pose that this force answers. The path begins with pose number play_seq and
 // advances by 1 ms per pose.
 static double path_time(const kn_attempt *t, const knead_contact_force_t *f)
 {

@@ -69,7 +69,7 @@ void kn_session_record_destroy(kn_session_record *record);
 
 typedef struct kn_session_report {
     // Results of the last attempt to play the path. Times count from the beginning of the path. A contact lasts while
-    // nodes or samples of the contact carry load.
+    // at least one node or contact sample carries load.
     double contact_from_s, contact_s; // time at which the contact begins, and its duration; contact_s 0: no contact
     double peak_n, peak_s;            // largest magnitude of contact_force_n, and the time at which it occurs
     // Contact force when the path's piece "hold" ends; NAN: the path has no such piece.

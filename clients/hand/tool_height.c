@@ -62,8 +62,8 @@ bool kn_tool_height_object(const kn_mesh *mesh, double x_m, double y_m, double *
         const float *a = mesh->positions_m + 3 * mesh->triangles[3 * t];
         const float *b = mesh->positions_m + 3 * mesh->triangles[3 * t + 1];
         const float *c = mesh->positions_m + 3 * mesh->triangles[3 * t + 2];
-        // Compute the barycentric coordinates of (x, y) in the triangle as seen from above. A vertical triangle has no
-        // area in this view.
+        // Compute the barycentric coordinates of (x, y) in the triangle as seen from above. Skip a vertical triangle,
+        // because it has no area in this view.
         double ux = b[0] - a[0], uy = b[1] - a[1], vx = c[0] - a[0], vy = c[1] - a[1], px = x_m - a[0], py = y_m - a[1];
         double area = ux * vy - uy * vx;
         if (area == 0.0) continue;

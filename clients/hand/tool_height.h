@@ -34,8 +34,9 @@ double kn_tool_height_m(const kn_probe_def *tool);
 // of other faces may be higher than those of the top face. Return NULL if out of memory.
 uint8_t *kn_tool_height_top(const kn_model_def *def, int *vertex_count);
 
-// Find the highest point where a vertical line at (x_m, y_m) meets the skin. The difference before and after a press is
-// the depth of the dent. Return false if the mesh is not complete, or if the line does not meet the mesh.
+// Find the highest point where a vertical line at (x_m, y_m) meets the skin. The height of this point before a press
+// minus its height after the press is the depth of the dent. Return false if the mesh is not complete, or if the line
+// does not meet the mesh.
 bool kn_tool_height_object(const kn_mesh *mesh, double x_m, double y_m, double *z_m);
 
 // Find two heights for a level tool that moves straight down at (x_m, y_m). Both are z coordinates of the tool's pose.

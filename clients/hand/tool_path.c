@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Duration of the rest after a withdrawal; the object's fast recovery has ended by then.
+// Duration of the rest after a withdrawal. The fast recovery of the object takes less time.
 static const double rest_s = 1.0;
 // Speeds and times of the last part of the way down, see add_landing.
 static const double landing_m = 1e-3, landing_s = 1.0, settling_s = 0.2, flushing_m_s = 5e-4;
@@ -66,9 +66,9 @@ static kn_tool_path_point above(const kn_tool_path_def *def)
 }
 
 // Append the way down through the air until the tool rests on the object, and return the final point. The tool must
-// touch at less than 0.1 mm/s, because dough is as hard as a wall until it flows: in its first ms a plate meets about 2
-// N for each mm/s of its speed. kneadd's tool is some um away from the path, so the path must be slow even before it
-// reaches the object.
+// touch at less than 0.1 mm/s, because dough is as hard as a wall until it flows: in the first ms of contact, the force
+// on a plate is about 2 N per mm/s of the plate's speed. kneadd's tool is some um away from the path, so the path must
+// be slow even before it reaches the object.
 static kn_tool_path_point add_landing(kn_tool_path *path, const kn_tool_path_def *def)
 {
     // Go fast to 1 mm above the object, take one second for the last millimetre, then stand for settling_s.
@@ -190,8 +190,8 @@ static void curve(const kn_tool_path_piece *p, double t, kn_tool_path_point *out
     }
 }
 
-// Interpolate the quaternion linearly and normalise it. The sign of the end is chosen so that the tool turns the short
-// way round.
+// Interpolate the quaternion linearly and normalise it. The sign of the end quaternion is chosen so that the tool turns
+// the short way round.
 static void turn(const kn_tool_path_piece *p, double u, double q[4])
 {
     const double *a = p->from.orientation_wxyz, *b = p->to.orientation_wxyz;
@@ -301,7 +301,8 @@ static bool grow(rows *all)
     return true;
 }
 
-// Check one row against the workspace, the unit length of its quaternion and the row before, and append it.
+// Check one row and append it. Check that its position is in the workspace, that its quaternion has unit length, and
+// that its time and speed fit to the row before.
 static bool take_row(const reader *r, rows *all, int fields, const double value[8], const int column[8])
 {
     kn_tool_path_point p = {.orientation_wxyz = {1, 0, 0, 0}};

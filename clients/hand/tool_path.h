@@ -9,8 +9,8 @@
 //     SINE     straight down and up again, depth ~ (1 - cos wt)/2, in whole periods: begins and ends at rest
 //
 // Position and velocity are continuous where two pieces meet, and the velocity is the exact derivative of the position.
-// Both matter, because kneadd moves a plate with the velocity and only corrects the plate towards the position. All
-// functions are pure. They use SI units and the coordinates of the scene.
+// kneadd needs both properties, because it moves a plate with the velocity of the path and only corrects the plate
+// towards the position. All functions are pure. They use SI units and the coordinates of the scene.
 #include <stddef.h>
 
 typedef struct kn_tool_path_point {
@@ -43,8 +43,8 @@ typedef struct kn_tool_path {
 
 typedef struct kn_tool_path_def { // a field of 0 selects its default, except hold_s
     double touch_z_m;             // z of the tool when it first touches the top of the object
-    // Height from touch_z_m down to the lowest place of the object under a flat tool, >= 0. The tool sinks slowly
-    // through this height.
+    // Vertical distance from touch_z_m down to the lowest place of the object's top under a flat tool, >= 0. The tool
+    // sinks slowly through this distance.
     double uneven_m;
     double clear_m; // height of the tool above touch_z_m at both ends of the path; default 20 mm
     double depth_m; // depth of the tool below touch_z_m; default: press 10 mm, poke 3 mm, sine KN_TOOL_PATH_SWING_M
@@ -72,8 +72,8 @@ kn_tool_path *kn_tool_path_press(const kn_tool_path_def *def);
 kn_tool_path *kn_tool_path_poke(const kn_tool_path_def *def);
 kn_tool_path *kn_tool_path_sine(const kn_tool_path_def *def);
 
-// Allocate a smooth path through `count` >= 2 points at rising times. The path is at rest at both ends. The function
-// also writes the velocities of the points to point[].velocity_m_s.
+// Allocate a smooth path through `count` >= 2 points at rising times. The tool is at rest at both ends of the path. The
+// function also writes the velocities of the points to point[].velocity_m_s.
 kn_tool_path *kn_tool_path_through(int count, const double time_s[], kn_tool_path_point point[]);
 
 // Load a path from a CSV file and smooth it with kn_tool_path_through. A header line names the columns, either

@@ -44,7 +44,7 @@ int64_t kn_hand_session(void)
 {
     int64_t session = 0;
     if (getrandom(&session, sizeof session, 0) != sizeof session) session = kn_now_ns() ^ (int64_t)getpid() << 32;
-    // The number is not 0, and small enough that adding 1 for each further attempt never overflows.
+    // The session number is not 0. It is so small that it never overflows when 1 is added for each further attempt.
     return (session & (INT64_MAX >> 1)) | 1 << 8;
 }
 
@@ -244,8 +244,8 @@ kn_hand_out kn_hand_player_tick(void *self, const kn_hand_force *force, int elap
     return out;
 }
 
-// Real-time priority of the device's thread. It is below that of kneadd's threads. The thread stands for a real device,
-// which has its own processor and cannot delay kneadd.
+// Real-time priority of the device's thread. The priority is below the priorities of kneadd's threads, because the
+// thread stands for a real device, which has its own processor and cannot delay kneadd.
 static const int device_priority = 60;
 
 // Handle a force message. Keep only the newest force.

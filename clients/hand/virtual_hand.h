@@ -111,7 +111,7 @@ typedef struct kn_hand_out {
 } kn_hand_out;
 
 // Return a random number for the first session of a hand, so that its sessions do not collide with those of a different
-// client. The number is positive, and so are the next few thousand numbers.
+// client. The number is positive and below 2^62, so that adding 1 for each later session does not overflow.
 int64_t kn_hand_session(void);
 
 void kn_hand_init(kn_hand *hand, const kn_hand_def *def);

@@ -110,7 +110,8 @@ static int is_scene(const struct dirent *e)
     return size > 5 && *e->d_name != '.' && strcmp(e->d_name + size - 5, ".yaml") == 0;
 }
 
-// Read the list of scenes again. If a request may not contain the name of a scene file, only count the file.
+// Read the list of scenes again. A file is only counted, and not listed, if the list is full or if a request may not
+// contain the name of the file.
 void kn_control_client_list_scenes(kn_control_client *c)
 {
     struct dirent **found = NULL;
@@ -125,7 +126,8 @@ void kn_control_client_list_scenes(kn_control_client *c)
     free(found);
 }
 
-// Return the path of a listed scene. A page's name is only compared with the list and never used as a path.
+// Return the path of a listed scene. The name that a page sent is only compared with the listed names and never used as
+// a path.
 static json_t *scene_path(const kn_control_client *c, const char *name)
 {
     char path[4096];

@@ -31,7 +31,7 @@ typedef struct kn_control_call { // a request that waits for its answer
 
 typedef struct kn_control_client {
     // Set by the caller. path: path of the socket; NULL: every request is refused. scenes: folder whose *.yaml may be
-    // loaded; NULL: none. changed: called when the status has changed, or the reason for a missing status.
+    // loaded; NULL: none. changed: function that is called when `status` or `error` has changed.
     const char *path, *scenes;
     struct ev_loop *ev;
     kn_gateway *gateway;

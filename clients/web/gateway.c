@@ -15,16 +15,16 @@
 // Longest time that a connection may stay without the token, s; a page shows its token within a few round trips.
 #define GUEST_S 2
 #define EXPIRY_S 0.2 // interval between two searches for connections that have stayed too long without the token, s
-// Shortest time between closing two connections without the token, s. They are closed if more connections arrive than
-// there are places. Each of the 16 connections thus has at least 64 ms to show its token.
+// If all 16 places for connections without the token are taken, a new connection closes the oldest one. Two such
+// closings are at least this time apart, s. Each connection thus has at least 64 ms to show its token.
 #define CLOSE_EVERY_S 0.004
 // Largest number of connections with the token that are not pages (downloads). With more, the program could need more
 // than 64 descriptors.
 #define DOWNLOADS 8
 // Timeout of libwebsockets for a request and for an idle connection, s.
 #define PATIENCE_S 5
-// Number of bytes passed to the kernel at once. The default of libwebsockets, the size of the receive buffer, would
-// send a picture in 500 pieces.
+// Number of bytes passed to the kernel at once. By default, libwebsockets passes as many bytes as its receive buffer
+// holds, and would send a picture in 500 pieces.
 #define AT_ONCE (1 << 24)
 // WebSocket close codes. Codes from 4000 on are free for the use of applications.
 enum { PROTOCOL = 1002, TOO_BIG = 1009, UNKNOWN = 4401, OUSTED = 4429 };
@@ -266,7 +266,7 @@ static uint32_t u32(const uint8_t *at)
     return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
 }
 
-// Read a float. Return false if it is not within 0..most, which also refuses NaN.
+// Read a float. Return false if the float is NaN or is not within 0..most.
 static bool f32(const uint8_t *at, float most, float *value)
 {
     uint32_t bits = u32(at);

@@ -11,7 +11,7 @@
 // The gateway listens on one address only, 127.0.0.1 by default. It binds the socket itself and reads the address back,
 // because libwebsockets 4.1 ignores an interface given as an address and listens on all interfaces. A client must send
 // this address in its Origin and Host headers and must know the token. So no page of another site and no other user of
-// this machine can reach the tool. A refused client is told the reason. If the address is not loopback, everything is
+// this machine can reach the tool. A refused client receives the reason. If the address is not loopback, everything is
 // encrypted with a certificate made for this run.
 //
 // There are KN_GATEWAY_PAGES places for pages. There are KN_GATEWAY_GUESTS more places for guests, which are

@@ -78,9 +78,9 @@ bool kn_page_state_open(kn_web *w)
            kn_bus_client_hear(w->live.bus, "KNEAD_TOUCH_*", on_touch, s);
 }
 
-// Return the smallest power of two [us] such that at least the fraction `share` of the tick times is smaller. Return 0
-// if no ticks have been counted yet. histogram[n]: number of ticks shorter than 2^n us and not counted in a lower
-// bucket.
+// Return a limit below which at least the fraction `share` of the tick times lies: the smallest power of two with this
+// property, us. Return 0 if no ticks have been counted yet. histogram[n]: number of ticks shorter than 2^n us and not
+// counted in a lower bucket.
 static int64_t share_us(const int64_t histogram[32], double share)
 {
     int64_t all = 0, seen = 0;
@@ -331,7 +331,8 @@ static json_t *scenes(const kn_web *w)
     return names;
 }
 
-// List the quality points that a running kneadd accepts. A point with another lattice needs a restart.
+// List the quality points that a running kneadd accepts. Leave out points that need a restart, for example because
+// their spacing is different.
 static json_t *points(const kn_scene *scene)
 {
     json_t *names = json_array();
@@ -395,7 +396,8 @@ static json_t *control(const kn_web *w)
                       : *w->client.error ? w->client.error
                                          : "kneadd has not answered yet";
     // If lifting the tool does not clear a latched fault, the page needs the button Recover, as after an emergency
-    // stop. A fault of this page's own session ends once the hand has left the tool. Recover is not needed then.
+    // stop. Recover is not needed if only the session of this page has a fault and the hand has left the tool, because
+    // the fault then ends by itself.
     const bool fault =
         mode && strcmp(mode, "FAULT") == 0 && (w->tool.news.mode != KN_POINTER_HAND_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
@@ -406,7 +408,8 @@ static json_t *control(const kn_web *w)
                      json_string_value(json_object_get(quality, "asked")));
 }
 
-// List all recordings that are not empty. The words of a recording may be read only once its thread has finished.
+// List all recordings that are not empty. The field `words` of a recording may be read only once the recording's thread
+// has finished.
 static json_t *recordings(const kn_web *w)
 {
     static const char *const states[] = {"waits", "runs", "whole", "failed"};

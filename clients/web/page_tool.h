@@ -93,7 +93,8 @@ int32_t kn_page_tool_answered(const kn_page_tool *tool, int32_t since, int64_t t
 // Return the page's own number of an event, or 0 if another page has sent the event.
 uint32_t kn_page_tool_event(const kn_page_tool *tool, int32_t event, int page);
 
-// Stop the hand of `knead web`, so that a child process can play a recording with the tool; and start it again.
+// lend: stop the hand of `knead web`, so that a child process can play a recording with the tool. take_back: start the
+// hand again.
 void kn_page_tool_lend(kn_page_tool *tool, int recording);
 void kn_page_tool_take_back(kn_page_tool *tool);
 void kn_page_tool_close(kn_page_tool *tool); // waits while the hand lifts the tool

@@ -99,7 +99,7 @@ function addSlider(key, value) {
         one.shown = input.value;
         say(x);
     };
-    // End a drag that leads back to the old value: then the browser sends no `change` event.
+    // If a drag ends at the old value, the browser sends no `change` event. So end such a drag here.
     const settle = () => {
         if (input.value !== one.shown) return;
         one.dragged = false;
@@ -301,7 +301,7 @@ function showTouch(touch) {
 // ---- everything
 
 // Enable or disable the controls. why: reason why kneadd accepts no orders now; null: kneadd accepts orders. there:
-// true if knead web, which answers the other requests by itself, is connected.
+// true if knead web is connected; knead web itself answers the requests that kneadd does not answer.
 function showAble(why, there) {
     for (const select of ['material', 'scene', 'quality']) $(select).disabled = Boolean(why);
     for (const one of sliders.values()) {

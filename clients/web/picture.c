@@ -162,7 +162,7 @@ void kn_picture_paint(kn_picture *p)
     sem_post(&p->wake);
 }
 
-// Tell the page that asked for the PNG that it is ready, or why it failed.
+// A page has asked for a PNG. Answer that the PNG is ready, or why it could not be made.
 static void tell_png(kn_picture *p)
 {
     if (p->png_page < 0 || p->png_there || !p->png) return;

@@ -13,8 +13,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Largest size of a message without its picture, bytes: `about`, 16 answers of 200 characters of at most 6 bytes each,
-// and the traces.
+// Largest size of a message without its picture, bytes: `about`, 16 answers (200 characters per answer, at most 6 bytes
+// per character), and the traces.
 #define ROOM (KN_PAGE_STATE_ABOUT + 40960)
 // Longest TMPDIR, including NUL. w->folder has room for TMPDIR and the name of this run's folder.
 #define FOLDER_MAX 40
@@ -48,8 +48,8 @@ static int fail(int code, const char *what) { return fprintf(stderr, "knead web:
 
 // ---- downloads of a page, made from the served state; no name from a page is used as a file name
 
-// Find the block of a scene's text that begins with `head` and ends before the next top-level key. Return its length,
-// including the last newline, or 0 if there is none.
+// Find the block of a scene's text that begins with `head` and ends before the next top-level key. Return the length of
+// the block, including the last newline, or 0 if the text has no such block.
 static size_t block_of(const char *text, const char *head, const char **begin)
 {
     *begin = strncmp(text, head, strlen(head)) == 0 ? text : NULL;

@@ -1,7 +1,8 @@
 #ifndef KN_CLIENTS_WEB_H
 #define KN_CLIENTS_WEB_H
-// `knead web`: the modules of its main thread, a libev loop, and the state that the pages are told. Each module owns
-// its struct. web.c opens the modules, passes events on to them and closes them; page_state.c only reads them.
+// `knead web`: the modules of its main thread, which runs a libev loop, and the state that is sent to the pages. Each
+// module owns its struct. web.c opens the modules, passes events on to them and closes them; page_state.c only reads
+// them.
 //
 //     gateway: browsers        page_tool: the tool, its motion, and the page that has it     picture: the pictures
 //     control_client: kneadd   recording: recordings, verified and played again              page_state: the rest
