@@ -24,7 +24,8 @@
 // Largest allowed difference between the stamp of a message and this machine's wall clock, for a listener that sends
 // nothing (KNEAD_MUTE), us.
 #define APART_US 5000000
-// Prefix of the channels of poses. Their messages are signed by clients, not by kneadd.
+// The names of the channels of poses begin with this text. The messages on these channels are signed by clients, not by
+// kneadd.
 #define POSES "KNEAD_POSE_"
 
 // A channel to which a connection listens.

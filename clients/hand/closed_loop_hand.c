@@ -152,8 +152,8 @@ static void render(kn_closed_loop_hand *g, const kn_hand_force *force, const kn_
 kn_hand_out kn_closed_loop_hand_tick(void *self, const kn_hand_force *force, int elapsed_ms)
 {
     kn_closed_loop_hand *g = self;
-    // Pass the force through the simulated link, then play one millisecond of the hand. The hand decides if a pose is
-    // sent.
+    // Pass the force through the simulated link, then play one millisecond of the hand. The hand decides whether a pose
+    // is sent.
     force = carry(g, force);
     kn_hand_out out = kn_hand_player_tick(g->player, force, elapsed_ms);
     if (!out.send) {

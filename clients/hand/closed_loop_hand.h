@@ -28,9 +28,9 @@ typedef struct kn_closed_loop_hand_def {
     double loss;  // share of the messages that the link loses in each direction, 0 .. 1
 } kn_closed_loop_hand_def;
 
-// Net energy given to the hand above which the closed loop counts as driving the hand, J. The net energy of a stable
-// loop is 0 within a millijoule. A loop that oscillates slowly for lack of damping gives a hundred millijoules and
-// more.
+// If the closed loop gives more net energy than this to the hand, the loop counts as driving the hand, J. The net
+// energy of a stable loop is 0 within a millijoule. A loop that oscillates slowly for lack of damping gives a hundred
+// millijoules and more.
 #define KN_CLOSED_LOOP_HAND_GIVEN_J 0.01
 
 typedef struct kn_closed_loop_hand_news { // results of the last attempt to play the path

@@ -336,7 +336,8 @@ double kn_lattice_object_touch(void *self, const double position_m[3], const dou
     kn_probe_input *in = &slab->input.probe[0];
     memcpy(in->position_m, position_m, sizeof in->position_m);
     memcpy(in->velocity_m_s, velocity_m_s, sizeof in->velocity_m_s);
-    // The tool first touches the object at z = 0 in the simulated loop, and at z = touch_m in the scene.
+    // Convert the height: the tool first touches the object at z = 0 in the simulated loop, but at z = touch_m in the
+    // scene.
     in->position_m[2] += slab->touch_m;
     slab->diverged |= kn_step(slab->model, slab->state, &slab->input, &slab->output) != KN_OK;
     memcpy(force_n, slab->output.probe[0].force_n, sizeof slab->output.probe[0].force_n);
@@ -361,7 +362,7 @@ int kn_device_profile_load(kn_device_def *device, const char *subcommand, const 
         scene = kn_scene_parse("device", scene_text, sizeof scene_text - 1, all, set_count + 1, error, sizeof error);
     }
     free(all);
-    // The user did not write the first --set, so cut its name from the error message.
+    // The user did not write the first --set, so remove its text from the beginning of the error message.
     const char *own = "--set device: ";
     bool ours = strncmp(error, own, strlen(own)) == 0;
     if (!scene) return kn_complain(subcommand, KN_EXIT_USAGE, "%s", error + (ours ? strlen(own) : 0));

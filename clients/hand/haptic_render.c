@@ -9,7 +9,7 @@ static const double lightest_n_m = 100.0;
 static const double fade_s = 0.017; // time in which the force fades to 0 after a stop of the rendering
 // Time without a new force after which a watchdog fades the force, s. The watchdogs hold a force for 3 ticks of 1 ms.
 static const double hold_s = 3.5e-3;
-// Largest change of the force per ms while a watchdog fades the force. Only the fade of a high force limit may be
+// Largest change of the force per ms while a watchdog fades the force. If the force limit is high, the fade may be
 // steeper; see core/safety.h.
 static const double slope_n_per_ms = 0.5;
 static const double smoothing = 0.01; // weight of the newest round trip in the smoothed round trip

@@ -16,13 +16,13 @@ static const double touch_m_s[2] = {0.03, 1e-4};
 static const double object_m_s2 = 0.2;
 // Speed of a flat tool from its first touch until it lies flat on the object.
 static const double flushing_m_s = 5e-4;
-// landing_m: height above the object below which a flat tool moves down slowly. landing_m_s2: deceleration of the tool
-// below this height. The last millimetre takes one second.
+// landing_m: distance to the object at which a flat tool begins to move slowly. landing_m_s2: deceleration of the tool
+// over this distance. The tool takes one second for this last millimetre.
 static const double landing_m = 1e-3, landing_m_s2 = 2e-3;
 // clear_m: largest distance below the hover height at which the tool counts as lifted. there_m: largest sideways
 // distance from the goal at which the tool counts as above its goal.
 static const double clear_m = 1e-3, there_m = 2e-4;
-// Time that kneadd gets to clear a fault after the tool is lifted: 200 ms of poses and a margin.
+// Time that kneadd gets to clear a fault after the tool is lifted. kneadd needs 200 ms of poses; the rest is a margin.
 static const int clear_ms = 300;
 static const int leaving_ms = 100; // time without poses in which the force fades and kneadd frees the tool
 
@@ -289,7 +289,7 @@ bool kn_pointer_hand_reach_touch(const kn_pointer_hand_reach *r, const kn_mesh *
 double kn_pointer_hand_reach_deepest(const kn_pointer_hand_reach *r, const kn_pointer_hand_wish *wish)
 {
     double from_m = wish->pressed ? wish->touch_z_m - kn_tool_height_m(r->tool) : r->extent_m[2];
-    // A round tool may not sink deeper than its radius.
+    // A round tool must not sink deeper than its radius.
     double most_m = fmax(0, from_m - thinnest * r->extent_m[2]);
     return kn_tool_height_flat(r->tool->shape) ? most_m : fmin(most_m, kn_tool_height_m(r->tool));
 }

@@ -286,8 +286,8 @@ static int by_number(const void *a, const void *b)
 void kn_session_report_csv(FILE *out, const kn_hand *hand, const kn_session_record *record, const char *probe)
 {
     kn_rows_head(out);
-    // Sort the poses for the binary search below. The poses of one session arrive in order, but the session numbers may
-    // not rise.
+    // Sort the poses for the binary search below. The poses of one session arrive in order, but a later session can
+    // have a lower number.
     qsort(record->pose, (size_t)record->pose_count, sizeof *record->pose, by_number);
     int64_t first_tick = record->force_count ? record->force[0].force.tick : 0;
     for (int i = 0; i < record->force_count; i++) {

@@ -27,7 +27,8 @@ double kn_tool_height_below(const kn_probe_def *tool, double dx_m, double dy_m);
 // Return the vertical distance from the tool's pose down to the lowest point of the tool, m.
 double kn_tool_height_m(const kn_probe_def *tool);
 
-// Height of an object at a point of the plan view, and under a tool, computed from the surface mesh of the object.
+// Heights of an object: of its surface at a point (x, y), and of a tool that touches it. They are computed from the
+// surface mesh of the object.
 
 // Return one flag per vertex of the scene's skin mesh, [vertex_count]: 1 if the vertex belongs to the top face, else 0.
 // The caller frees the flags. The flags are needed because a plate touches only the top face. In a deep dent, vertices

@@ -220,7 +220,7 @@ static void remember(kn_document *d, int argc, char *const *argv)
 {
     for (int i = 0; i < argc; i++) {
         const bool plain =
-            // argv[0] is "knead identify ...", so its blanks need no quotes
+            // argv[0] has several words ("knead identify ..."), so the blanks between them must not be quoted
             i == 0 || !argv[i][strcspn(argv[i], " \t()[]*?'\"$&;|<>#^")];
         if (i) append(d, " ");
         if (!plain) append(d, "'");

@@ -79,7 +79,7 @@ void kn_document_link(kn_document *d, const char *name, const char *words); // a
 //     kn_figure_add(&p, (kn_figure_series){"fit", n, time_s, fitted, .look = KN_FIGURE_LINE, .hue = 1});
 //     code = kn_figure_draw("identify creep", "fit.png", "dough", &p, 1, 1);
 
-#define KN_FIGURE_SERIES 72 // limit of series in a panel: points and a line for each of 32 curves, and 8 more
+#define KN_FIGURE_SERIES 72 // largest number of series in a panel: points and a line for each of 32 curves, and 8 more
 
 typedef enum kn_figure_look { KN_FIGURE_POINTS, KN_FIGURE_LINE, KN_FIGURE_DASHES } kn_figure_look;
 

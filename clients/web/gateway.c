@@ -179,7 +179,8 @@ static int hand_out(kn_gateway *g, struct lws *wsi, const char *name)
         return refuse(g, wsi, 503, "too many downloads at once, expected at most eight");
     forget_guest(g, wsi);
     if (!g->fetch(g->arg, name, &file)) return refuse(g, wsi, 404, "no such download");
-    // libwebsockets sends the file in pieces without calling this callback again.
+    // This call is enough for the whole file: libwebsockets sends the file in pieces without calling this callback
+    // again.
     if (file.path[0]) {
         int sent = lws_serve_http_file(wsi, file.path, file.type, NULL, 0);
         return sent < 0 || (sent > 0 && lws_http_transaction_completed(wsi)) ? -1 : 0;

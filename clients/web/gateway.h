@@ -71,7 +71,7 @@ typedef struct kn_page_request {
     kn_page_verb verb;
     char name[KN_PAGE_REQUEST_NAME];
     double value;
-    // camera angles -180..180 and 2..90, and zoom factor 1..KN_PAGE_REQUEST_ZOOM
+    // camera: azimuth -180..180 and elevation 2..90 degrees, zoom factor 1..KN_PAGE_REQUEST_ZOOM
     double azimuth_deg, elevation_deg, zoom;
 } kn_page_request;
 

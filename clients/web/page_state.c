@@ -12,7 +12,7 @@
 #include <string.h>
 
 #define UNHEARD_MS 1000 // if no mesh message arrives for this time, kneadd counts as not running
-#define STALE_MS 3500   // age in ms from which on a message that normally comes once a second counts as missing
+#define STALE_MS 3500   // a message that normally comes once a second counts as missing above this age, ms
 
 // ---- messages of kneadd
 

@@ -125,7 +125,7 @@ bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
     }
     t->held = *tool;
     t->held_spacing_m = scene->model.spacing_m;
-    // While a recording that is played moves the tool, the hand stays stopped.
+    // While a recording is being played, it moves the tool, so the hand of `knead web` stays stopped.
     if (!on && !t->lent) take_up(t);
     return true;
 }

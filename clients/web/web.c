@@ -74,7 +74,8 @@ static void plain(const char *name, char *to, size_t size)
         if (*to < ' ' || *to > '~') *to = '?';
 }
 
-// Make a file of the served material and density, for `material: FILE.yaml`.
+// Make a file with the material and density of the served scene. Another scene can name this file in its key
+// `material`.
 static bool material(const kn_web *w, kn_web_file *file)
 {
     const char *text = w->live.scene ? w->live.scene->text : NULL, *part, *weight;
@@ -300,8 +301,8 @@ static void close_all(kn_web *w)
     if (w->folder[0]) rmdir(w->folder);
 }
 
-// Open the socket as descriptor 3 and replace this program by the command. A socket keeps the network namespace in
-// which it was opened.
+// Open the socket as descriptor 3 and replace this program by the command. The socket stays in the present network
+// namespace, even if the command enters another one.
 static int bind_and_become(const kn_web *w, char **command)
 {
     char error[256];
