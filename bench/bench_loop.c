@@ -129,12 +129,13 @@ static double touch(void *self, const double position_m[3], const double velocit
 // --- grid -----------------------------------------------------------------------------------------------------------
 
 typedef struct tally {
-    // runs: number of runs of one tool. buzzes: number of runs that buzz. gave: number of runs in which one stroke gave
-    // the hand more than 1 mJ.
+    // runs: number of runs of one tool. buzzes: number of runs whose force oscillates (haptic_loop.h). gave: number of
+    // runs in which one stroke gave the hand more than 1 mJ.
     int runs, buzzes, gave;
-    // Largest values of all runs. loudest_n: rms force above 10 Hz. floors: rms force above 10 Hz of a lean or a press,
-    // divided by the resolution of the force. returned_j: energy given to the hand in one stroke. turns: number of
-    // reversals of the force, per stroke of a tap or per second of a slide.
+    // Largest values of all runs. "rms force above 10 Hz" is the rms value of the part of the force that oscillates
+    // faster than 10 Hz. loudest_n: rms force above 10 Hz. floors: rms force above 10 Hz in the motions "lean" and
+    // "press", divided by the resolution of the force. returned_j: energy given to the hand in one stroke. turns:
+    // number of reversals of the force, per stroke of a tap or per second of a slide.
     double loudest_n, floors, returned_j, turns;
     char worst[80]; // name of the loudest run that buzzes, or of the loudest run if none buzzes
     double worst_n;
@@ -182,8 +183,8 @@ static void run(tally *t, const kn_device_def *device, const char *material, boo
     char what[80];
     snprintf(what, sizeof what, "%s, %s, %s hand on %s, %d ms", motions[motion], device->name, kn_grip_name(grip),
              material, trip_ms);
-    // KN_HAPTIC_LOOP_TURNS is the limit for one stroke. The second hand makes two strokes in a run, so its limit is
-    // twice as high.
+    // KN_HAPTIC_LOOP_TURNS is the largest allowed number of force reversals in one stroke. The second hand makes two
+    // strokes in a run, so twice as many are allowed.
     bool other_buzzes = b.two && b.turns.count > 2 * KN_HAPTIC_LOOP_TURNS;
     add(t, &r, r.buzzes || other_buzzes || b.diverged, motion, what);
     block_close(&b);

@@ -45,7 +45,7 @@ typedef struct track { // ticks of one stroke
     int ticks;
     double force_n[TICKS][3], us[TICKS];
     double off_n[TICKS]; // error of the force, N; computed for capped ticks only
-    bool capped[TICKS];  // true: the tick ended above the solver's tolerance
+    bool capped[TICKS];  // true: the tick ended with a residual above the solver's tolerance
 } track;
 
 typedef struct tally { // results of one tool over all its strokes
@@ -98,7 +98,8 @@ static double touch_height(const kn_served_object *on, int p)
     return high;
 }
 
-// Set position and velocity of the tool at the time t of the stroke, s. Return false after the end of the stroke.
+// Set position and velocity of the tool. t: time since the beginning of the stroke, s. Return false after the end of
+// the stroke.
 static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose)
 {
     const double depth_m = s->hz > 0 ? STIR_M : DEPTH_M, in_s = (AIR_M + depth_m) / s->speed_m_s, stir_s = s->hz > 0;
@@ -116,8 +117,8 @@ static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose
     return t <= 2 * in_s + stir_s + 0.1;
 }
 
-// Play one stroke. With a reference, compute the error of each capped tick and measure no times. If `reference` is
-// NULL, measure the times only.
+// Play one stroke and write its ticks to `to`. If `reference` is NULL, measure the time of each tick. Otherwise measure
+// no times, but compute the error of the force of each capped tick, with `reference` as the exact solver.
 static void run(kn_served_object *on, kn_served_object *reference, const struct stroke *s, int probe, int64_t deadline,
                 track *to)
 {
@@ -149,8 +150,7 @@ static void run(kn_served_object *on, kn_served_object *reference, const struct 
         if (in.tick < WARM) continue;
         int n = to->ticks++;
         if (!reference)
-            // Do not time a tick that also runs the reference model, because the tick then includes a copy of the
-            // state.
+            // With a reference, every tick also copies the state. So measure times only without a reference.
             to->us[n] = to->us[n] > 0 ? fmin(us, to->us[n]) : us;
         to->capped[n] = out.capped;
         memcpy(to->force_n[n], out.force[probe].contact_force_n, sizeof to->force_n[n]);
@@ -161,7 +161,8 @@ static void run(kn_served_object *on, kn_served_object *reference, const struct 
     if (reference) kn_state_destroy(last.from);
 }
 
-// Add a stroke to the results of a tool. follows: true if the whole stroke can be compared with the reference stroke.
+// Add a stroke to the results of a tool. follows: true if the forces of all ticks can be compared with those of the
+// reference stroke `exact`. If not, only the capped ticks get an error.
 static void add(tally *sum, const struct stroke *s, const track *t, const track *exact, bool follows)
 {
     static const double none[3] = {0};

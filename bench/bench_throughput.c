@@ -1,4 +1,5 @@
-// Cost of a time step, compared with the limits of the machine in one run. bench/README.md explains the tables.
+// Cost of a time step, compared with limits of the machine that the same run measures. bench/README.md explains the
+// tables.
 #include "bench/bench.h"
 #include "bench/throughput.h"
 

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 static counted now;           // counts of the loop that runs at present
-static unsigned char *line;   // [line_count] 1: the running loop has touched this 64-byte line of the state
+static unsigned char *line;   // [line_count] a flag per 64-byte line of the state; 1: the running loop has touched it
 static const char *line_base; // address of the state
 static size_t line_count;
 
@@ -19,8 +19,8 @@ static void add_operations(int operations, int flops)
 
 static void touch(const real *p)
 {
-    // Index of the 64-byte line. An address below the state gives a huge index, because the difference wraps around;
-    // such an address is not counted.
+    // Index of the first 64-byte line at p. An address below the state gives a huge index, because the difference wraps
+    // around; such a line is not counted.
     size_t first = (size_t)((const char *)p - line_base) / 64;
     for (size_t i = first; i < first + KN_LANES * sizeof(real) / 64; i++)
         if (i < line_count && !line[i]) {
@@ -29,7 +29,8 @@ static void touch(const real *p)
         }
 }
 
-// Replace each operation by a macro that counts and then calls the function: a macro does not expand its own name.
+// Replace each function of lanes.h by a macro of the same name that counts the operation and then calls the function.
+// The macro does not call itself, because the preprocessor does not expand a macro inside its own expansion.
 #define lanes_add(a, b) (add_operations(1, 1), lanes_add(a, b))
 #define lanes_sub(a, b) (add_operations(1, 1), lanes_sub(a, b))
 #define lanes_mul(a, b) (add_operations(1, 1), lanes_mul(a, b))

@@ -10,9 +10,8 @@
 //
 // Measured limits of one core of this machine: fused multiply-adds in registers, and reading from caches and memory.
 //
-// Twelve independent chains of multiply-adds keep both arithmetic pipes of any x86 busy (2 pipes x 4 cycles). Reading
-// adds up eight streams of data. Each number is the best of 8 rounds. A round takes some
-// milliseconds of the thread's processor time.
+// Twelve independent chains of multiply-adds keep both arithmetic pipes of any x86 busy (2 pipes x 4 cycles). The test
+// of reading adds up eight streams of data. Each rate is the best of 8 rounds, in processor time of the thread.
 
 enum { CEILING_256, CEILING_512, CEILING_WIDTHS }; // vectors of 256 and of 512 bits
 enum { CEILING_L1, CEILING_L2, CEILING_L3, CEILING_MEMORY, CEILING_LEVELS };
@@ -43,8 +42,8 @@ int ceiling_of(const ceilings *c, size_t bytes);
 // An operation is one vector instruction of the arithmetic pipes, counted once per lane. Add, subtract, multiply,
 // divide, root, minimum and fused multiply-add count as one operation each; compare and select count as two. Flops are
 // counted as in textbooks: a fused multiply-add counts as two, minimum and select as none. Moves, rotations, table
-// look-ups and scalar sums are not counted. Bytes are those of the 64-byte lines of the state that a loop touches, each
-// line once per loop. This is the data that must come from the cache or memory in which the state lies.
+// look-ups and scalar sums are not counted. Bytes are 64 for each line of the state that a loop touches, however often
+// the loop touches the line. These bytes must come from the cache or memory in which the state lies.
 
 typedef struct counted { // counts of operations, flops and bytes in one loop over the whole lattice, including padding
     double operations, flops, bytes;
@@ -64,7 +63,7 @@ void counted_step_f64(kn_model *model, kn_state *state, const kn_input *input, c
 // Runners take turns every 20 ticks, so that all of them meet the same load from other programs. Times are processor
 // times of the thread. The cost of a tick is its smallest time in all rounds, because other programs can only make a
 // tick slower. The first tick of a turn is slower, too, because the previous runner has filled the caches with its own
-// data. So each round begins its turns at different ticks.
+// data. So each round begins its turns at different ticks, and no tick is the first one of a turn in every round.
 
 typedef kn_input hand_fn(const kn_model *model, double t_s); // returns the input of the step that ends at the time t_s
 
@@ -112,7 +111,7 @@ void table_nets(const throughput_options *o);
 void table_features(const throughput_options *o);
 void table_composite(const throughput_options *o);
 void table_integers(const throughput_options *o);
-void table_peer(const throughput_options *o); // prints one line instead if Bullet was missing at the build
+void table_peer(const throughput_options *o); // without Bullet at the build: prints one line and no table
 void table_errors(const throughput_options *o);
 
 // Record one number for --csv and --json. object: the lattice, net or feature that was measured. kernel: name of the

@@ -1,6 +1,6 @@
-// Table of blocks with two resolutions, compared with a block that is fine everywhere. In most cases, tools press the
-// scene dough-fine.yaml at places that they can reach. In the last case, the tool is a plate across the whole block,
-// which needs more fine nodes than a spatula.
+// Table of a block with two resolutions (dough-fine.yaml), compared with a block that is fine everywhere. In most rows,
+// a tool of the scene presses the block at a place that the tool can reach. In the last row, the tool is a plate across
+// the whole block, which needs more fine nodes than a spatula.
 #include "bench/throughput.h"
 #include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
@@ -83,8 +83,8 @@ static void row(const place *p, const kn_model_def *composite, const throughput_
     }
 }
 
-// Return the scene's model with a single plate, 1 cm wide, across the whole block. The fine box around the plate
-// follows the scene's rule: it extends beyond the plate by 0.7 of the plate's width, and down by 1.05 widths.
+// Return the scene's model with a single plate, 1 cm wide, across the whole block. The box of fine cells follows the
+// scene's rule: the box extends beyond the plate by 0.7 of the plate's width, and down by 1.05 widths.
 static kn_model_def strip_of(kn_model_def def)
 {
     double length = def.spacing_m * (def.nodes[1] - 1), top = def.spacing_m * (def.nodes[2] - 1);
@@ -111,9 +111,10 @@ void table_composite(const throughput_options *o)
         return;
     }
     printf(
-        "dough-fine.yaml compared with a block that is fine everywhere: a column `of` shows the number of the fine\n"
-        "block. Times are means over the press. Errors are relative L2 errors: `force` over all ticks, `shape` over\n"
-        "all nodes of the fine block at the end. The box of fine cells follows the scene's rule for all presses.\n\n"
+        "dough-fine.yaml compared with a block that is fine everywhere. A column `of` has the fine block's value of\n"
+        "the column before it. Times are means over the press. Errors are relative L2 errors: `force` over all ticks,\n"
+        "`shape` over all nodes of the fine block at the end. The box of fine cells follows the scene's rule for all\n"
+        "presses.\n\n"
         "| press                      | nodes | of    | its   | of    | us     | of     | ratio | force%% | shape%% |\n"
         "|----------------------------|------:|------:|------:|------:|-------:|-------:|------:|-------:|-------:|\n");
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) row(&places[i], &scene->model, o);

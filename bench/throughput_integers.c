@@ -53,7 +53,8 @@ void table_integers(const throughput_options *o)
         "\nIntegers: a step of core/fixed.h on one core, with two passes of eight iterations, and the default step in\n"
         "f32. Clock cycles of a tick of the circuit with 16 nodes under a plate, and its time in us at clock\n"
         "frequencies that are assumed, not measured: 100 MHz for an ECP5, 150 MHz for an Artix-7, 300 MHz for an\n"
-        "UltraScale+. The memories of the synthesized circuit hold 1024 nodes.\n");
+        "UltraScale+. The memories of the synthesized circuit hold 1024 nodes; a row with more nodes assumes larger\n"
+        "memories.\n");
     puts("| nodes | edges | f32 us   | fixed us | clocks   | at 100 |    150 |    300 |");
     puts("|------:|------:|---------:|---------:|---------:|-------:|-------:|-------:|");
     for (int per_cm = 1; per_cm <= 3; per_cm++)

@@ -96,7 +96,8 @@ static int measure(const lattice *l, bool quick, measured *m)
 
 static int width_of(const measured *m) { return m->def.solver.isa == KN_ISA_AVX512 ? CEILING_512 : CEILING_256; }
 
-// Return the number of operations done in `us`, in per cent of those that the arithmetic pipes can do in this time.
+// Return the counted operations of `work`, in per cent of the operations that the arithmetic pipes can do in the time
+// `us`.
 static double pipe_share(const ceilings *c, const measured *m, const counted *work, double us)
 {
     return 100 * work->operations / us * 1e-3 / (c->gflop_s[width_of(m)][m->def.solver.precision] / 2);

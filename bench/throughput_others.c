@@ -99,7 +99,7 @@ void table_nets(const throughput_options *o)
 
 // --- features -------------------------------------------------------------------------------------------------------
 
-// Return the input of a press. A load on the top rises and falls at the same time, so that all parts of the object
+// Return the input of a press. During the press, a load on the top rises and falls, so that all parts of the object
 // move. All probes get the input of the first one.
 static kn_input feature_hand(const kn_model *model, double t_s)
 {

@@ -24,7 +24,7 @@ def family_cpu_s(pid):
     return cpu_s(pid) + sum(family_cpu_s(child) for child in children(pid))
 
 
-def browser_cpu_s(page):  # all its processes, but not chromedriver
+def browser_cpu_s(page):  # processor time of all processes of the browser, without chromedriver
     return sum(family_cpu_s(pid) for pid in children(page.driver.service.process.pid))
 
 
@@ -37,7 +37,7 @@ def percentile(sorted_ms, share):
     return sorted_ms[min(len(sorted_ms) - 1, math.ceil(share * len(sorted_ms)) - 1)] if sorted_ms else math.nan
 
 
-def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the block; in a press a stroke to and fro
+def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the block, or a to-and-fro stroke in a press
     pace, end, i = random.Random(1), time.monotonic() + seconds, 0
     x, y = page.place(0.5, 0.42)
     while (now := time.monotonic()) < end:
@@ -50,12 +50,12 @@ def play(page, seconds, press):  # an event every 25 to 45 ms: a circle over the
         time.sleep(max(0, now + pace.uniform(0.025, 0.045) - time.monotonic()))
 
 
-# ticks, missed ones, and missed ones that the machine does not explain, since before
+# ticks, missed ticks, and missed ticks that no stall of the machine explains, all since `before`
 def missed(bus, before=(0, 0, 0)):
     return tuple(a - b for a, b in zip((bus.tick, bus.missed, bus.unexplained), before))
 
 
-def rate(counts):  # in words
+def rate(counts):  # as two columns of the table: missed and unexplained ticks per million
     return f"{1e6 * counts[1] / max(1, counts[0]):6.0f} | {1e6 * counts[2] / max(1, counts[0]):11.0f} |"
 
 
@@ -90,7 +90,7 @@ def measure(name, page, server, bus, seconds, press):
           f"{rate(missed(bus, ticks))}", flush=True)
 
 
-def press(page, u, v, mm):  # as deep as the slider says, then deeper by the wheel
+def press(page, u, v, mm):  # to the depth of the slider, then deeper by mm with the wheel
     page.hover(u, v)
     until(lambda: page.now()["status"].startswith("ready"))
     time.sleep(0.5)
@@ -100,7 +100,7 @@ def press(page, u, v, mm):  # as deep as the slider says, then deeper by the whe
     time.sleep(1)
 
 
-def show(page, path):  # show a block that has been pressed once, and is pressed now
+def show(page, path):  # save a picture of a block that was pressed at one place before, and is now pressed at another
     page.devtools("Emulation.setDeviceMetricsOverride", width=1280, height=960, deviceScaleFactor=1, mobile=False)
     page.run("document.getElementById('material-box').open = true")
     press(page, 0.42, 0.42, 4)

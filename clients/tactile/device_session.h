@@ -1,14 +1,14 @@
 #ifndef KN_CLIENTS_DEVICE_SESSION_H
 #define KN_CLIENTS_DEVICE_SESSION_H
-// Session between a real device and kneadd: the numbering of the device's poses, a watchdog over the device's poses and
-// one over kneadd's forces. The module is pure: the caller passes the time, so a test can play both the device and
-// kneadd.
+// Session between a real device and kneadd. The session numbers the device's poses. It has one watchdog over these
+// poses, and a second one over kneadd's forces. The module is pure: the caller passes the time, so a test can play both
+// the device and kneadd.
 //
 //     device --pose-->  [ watchdog of poses ] --seq--> kneadd
 //            <-given--  [ output stage (haptic_render.h), watchdogs ] <--force, contact--
 //
-//     HELD --no force for 20 ms, no pose for 20 ms, a faded reflex, a fault that only a new session -----> SILENT
-//       ^    clears, or a link that was too slow for forces and is fast enough again                         |
+//     HELD --no force for 20 ms; no pose for 20 ms; a trip of an impulse guard, here or in kneadd; -------> SILENT
+//       ^    or a link that was too slow for forces and is fast enough again                                 |
 //       '------------------------------------------- 1.2 s --------------------------------------------------'
 //
 // A killed server cannot fade its force, and a device with a broken cable receives nothing. So if no pose or no force

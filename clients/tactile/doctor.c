@@ -308,10 +308,9 @@ static void measure(findings *f, int seconds)
                        "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (maximum)",
                        1000 * seconds, w->missed, p50, p99, most);
         fix(c, "%s",
-            rt.fifo
-                ? "use a machine of its own without other real-time work, with PREEMPT_RT; a virtual machine stands "
-                  "still while its host does other work"
-                : "get real-time priority first: see the check `priority`");
+            rt.fifo ? "run kneadd on a machine with PREEMPT_RT and no other real-time work; a virtual machine stops while "
+                      "its host does other work"
+                    : "get real-time priority first: see the check `priority`");
     }
     free(w);
 }

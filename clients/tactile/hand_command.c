@@ -99,8 +99,8 @@ static const char help[] =
 
 #define DEVICES "paddle, spacenav or haply"
 
-// Read a quantity and convert it to the unit `unit_text`. If the text has no unit, use the unit *otherwise, or return
-// false if `otherwise` is NULL. Write the unit that was used to *said.
+// Read a quantity and convert it to the unit `unit_text`. If the text has no unit, assume the unit *otherwise; if
+// `otherwise` is NULL, return false instead. Store the unit of the text, or the assumed unit, in *said.
 static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
 {
     kn_unit unit;
@@ -408,8 +408,9 @@ static void tell_tool(const kn_bridge_news *n)
            : n->session.mode == KN_SESSION_SILENT           ? "silent"
            : n->session.render.stop == KN_HAPTIC_RENDER_FAR ? "round trip above 5 ms: 0 N"
            : n->session.flags & KN_FLAG_REENGAGE_LIFT       ? "lift the tool"
-           : n->session.flags & KN_FLAG_ENGAGED ? n->session.render.def.local ? "in the model, local" : "in the model"
-                                                : n->state);
+           : n->session.flags & KN_FLAG_ENGAGED
+               ? n->session.render.def.local ? "in the model, local force" : "in the model"
+               : n->state);
     fflush(stdout);
 }
 
@@ -474,8 +475,8 @@ static int run(hand *h)
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
     else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset, h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
-    // The number of the first session is random, except for its low 20 bits. Each later session has the next number,
-    // and the low 20 bits leave room for that.
+    // The session numbers start at a random multiple of 2^20, plus 1. Each later session has the next number. So the
+    // random part of the number stays unchanged in the first million sessions.
     def.session = 1 + ((int64_t)random << 20);
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);

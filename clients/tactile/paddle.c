@@ -270,8 +270,8 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
     kn_paddle *p = (kn_paddle *)device;
     uint8_t bytes[KN_PADDLE_FRAME_SIZE];
     int waiting = 0;
-    // During the watchdog test (proof), send only the commands of the test, with 0 N. After the test, send no enable
-    // until the trip is cleared.
+    // During the watchdog test (proof), send only the commands of the test, with 0 N. After the test, do not set the
+    // flag enable in any command until the trip is cleared.
     if (p->base.watchdog != KN_OWN_UNPROVED) live &= !p->armed;
     else if (!prove(p, &live)) return;
     else force_n = (double[3]){0};

@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Set the name of the new file. Return false if the path is too long for one.
+// Set the name of the new file: `path`, a dot and six letters. Return false if this name is too long.
 static bool name(kn_beside *b, const char *path)
 {
     *b = (kn_beside){.path = path};
@@ -16,7 +16,7 @@ static bool name(kn_beside *b, const char *path)
 // Create the new file with these permissions. On failure return false with the reason in errno.
 static bool create(kn_beside *b, mode_t mode)
 {
-    // The new file is in the same folder, because a rename is atomic only within one file system.
+    // The new file is in the folder of `path`, because a rename is atomic only within one file system.
     int fd = mkostemp(b->tmp, O_CLOEXEC);
     b->file = fd >= 0 ? fdopen(fd, "wb") : NULL;
     if (b->file) {

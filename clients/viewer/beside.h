@@ -23,8 +23,8 @@ bool kn_beside_open(kn_beside *beside, const char *path, char *error, size_t err
 // Like kn_beside_open, for a path that the user may choose freely. If the file system supports unnamed files, the new
 // file has no name until kn_beside_keep. If `path` is a pipe, a device, a link, a file with several names, or a file of
 // another user or group, a rename would change more than the contents. So such a `path` is written directly, without a
-// new file. The same is done if no new file can be created in the folder. A file that is replaced keeps its
-// permissions. On failure return false with the reason in errno.
+// new file. `path` is also written directly if no new file can be created in the folder. A file that is replaced keeps
+// its permissions. On failure return false with the reason in errno.
 bool kn_beside_write(kn_beside *beside, const char *path);
 
 // kn_beside_keep puts the new file in place at `path`, and kn_beside_drop removes the new file. Every use must end with

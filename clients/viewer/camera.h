@@ -12,8 +12,8 @@ typedef struct kn_view_probe {
     // Position of the tool (core/shape.h); for a plate: centre of the face that touches the object.
     double position_m[3];
     double orientation_wxyz[4]; // orientation of the tool, unit quaternion; all 0: the tool is level
-    // Force on the tool. A force of 0.05 N or more is drawn as an arrow at the tool's upper end. The arrow is as long
-    // as one square of the table for each 5 N.
+    // Force on the tool. A force of 0.05 N or more is drawn as an arrow at the tool's upper end. The length of the
+    // arrow is the side of one square of the table for every 5 N.
     double force_n[3];
     // True if the tool does not act on the object (no session yet, or a latched fault). Such a tool is drawn pale and
     // without a shadow.

@@ -229,14 +229,15 @@ static void cover(const kn_dirty_region_def *d, extent *e, const float p[3])
     float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     for (int i = 0; i < 2; i++) {
         float at = (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w;
-        // True: the point is in front of the camera. False: the point may be anywhere in the picture.
+        // False: the point is behind the camera. Then the position of the point in the picture is not known, so the
+        // extent becomes the whole picture.
         bool known = w > 0;
         e->low[i] = fminf(e->low[i], known ? at : -1);
         e->high[i] = fmaxf(e->high[i], known ? at : 1);
     }
 }
 
-// Extend both extents by a point and by the point's shadow on the table.
+// Extend both extents (all and table) by a point and by the point's shadow on the table.
 static void cover_point(const kn_dirty_region_def *d, parts *e, const float p[3])
 {
     float q[3], down = fmaxf(0, p[2] - d->level_m) / d->key[2];

@@ -16,7 +16,7 @@ const float kn_scale_color[KN_SCALE_COLORS][3] = {HEX(0x440154), HEX(0x472d7b), 
                                                   HEX(0x2c728e), HEX(0x21918c), HEX(0x28ae80),
                                                   HEX(0x5ec962), HEX(0xaddc30), HEX(0xfde725)};
 
-// Return the smallest value step * 10^n that is at least `most`.
+// Return the smallest value s * 10^n that is at least `most`, where s is one of the `steps` and n is an integer.
 static double step_above(double most, int count, const double *steps)
 {
     if (!(most > 1e-9)) return 1e-9;
@@ -221,7 +221,8 @@ bool kn_label_draw(const kn_label *label, int width, int height, uint8_t *rgba, 
     sheet s = {cairo.create(surface), fmax(10, fmin(height / 34.0, width / 40.0)), width, height};
     cairo.select_font_face(s.to, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
     cairo.set_font_size(s.to, s.em);
-    // room: the caption and the legend fit side by side; high: the legend fits.
+    // room: the picture is wide enough for the caption beside the legend. high: the picture is high enough for the
+    // legend.
     const bool room = width > 30 * s.em, high = height > 12 * s.em;
     char caption[300];
     legible(label->caption ? label->caption : "", caption, sizeof caption);

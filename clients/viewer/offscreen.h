@@ -63,7 +63,7 @@ void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_regi
 // Resolve the solids into their region of the picture (average their samples). Everything that is drawn afterwards goes
 // into this region, behind the solids. Alpha is the fraction of a pixel that the solids cover, and later drawing fills
 // the rest of the pixel. With one sample per pixel, a solid covers a pixel completely or not at all, and later drawing
-// uses the depth buffer to find which.
+// uses the depth buffer to find the pixels that no solid covers.
 void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
 
 #define KN_OFFSCREEN_MIN 16

@@ -97,8 +97,8 @@ void kn_range_draw(kn_range *r, const float (*now)[3], int triangle_count, const
 
 // ---- file
 
-// Indices of the four numbers in the texts of the PNG. TEXTS: number of all texts. Three of the texts are for human
-// readers.
+// Indices of the four numbers that the PNG contains as texts. TEXTS: number of all texts. Besides the four numbers, the
+// PNG contains three texts for human readers.
 enum { STEP, PIXEL, LEFT, TOP, NUMBERS, TEXTS = NUMBERS + 3 };
 
 static const char *const name[NUMBERS] = {"step_mm", "pixel_mm", "left_mm", "top_mm"};

@@ -405,9 +405,10 @@ static void use_lit(const kn_renderer *r, GLuint program)
 }
 
 // Find the footprint of the object on the table: the rectangle around the vertices of its lowest quarter. Return the
-// radius with which the corners of the rectangle are rounded. The radius is computed from the largest |x| + |y| of
-// these vertices, with x and y in units of the rectangle's half sides. This number is 2 if the vertices fill the
-// rectangle, and sqrt 2 if they form an ellipse.
+// radius with which the corners of the rectangle are rounded. The radius is computed from the largest sum |x| + |y| of
+// these vertices, where x and y are measured from the middle in half sides of the rectangle. If the vertices fill the
+// rectangle, the sum is 2 and the radius is 0. If they form an ellipse, the sum is sqrt 2 and the radius is half the
+// shorter side.
 static float footprint(const kn_shaded_mesh *s, const float (*xyz)[3], float foot[4])
 {
     float quarter = s->rest_low[2] + 0.25f * (s->rest_high[2] - s->rest_low[2]);

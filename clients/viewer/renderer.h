@@ -1,8 +1,9 @@
 #ifndef KN_CLIENTS_VIEWER_RENDERER_H
 #define KN_CLIENTS_VIEWER_RENDERER_H
-// Renderer of an object: its surface, lit from the left of the viewer, with a cast shadow and the lines of the lattice;
-// the probes, with an arrow for the force on the hand; and a table with squares of 1 cm (or the power of ten that
-// fits). The surface may be coloured by values (label.h), and the lattice may be shown as bare lines.
+// Renderer of an object, its probes and a table. The surface of the object is lit from the left of the viewer, casts a
+// shadow, and shows the lines of the lattice. An arrow shows the force on a probe. The table has squares of 1 cm, or of
+// another power of ten that suits the size of the object. The surface may be coloured by values (label.h), and the
+// lattice may be shown as bare lines.
 //
 //     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw for each picture -> kn_renderer_close
 //

@@ -15,11 +15,11 @@
 typedef struct half_edge { // a side of a triangle
     // Vertices of the side in ascending order, so that the half edges of two neighbours compare equal.
     int low, high;
-    int triangle, corner; // number of the triangle, and of its corner opposite the side
+    int triangle, corner; // triangle: index of the triangle; corner: index of its corner opposite the side
 } half_edge;
 
 // Compare two half edges by their vertices, so that after sorting the half edges of neighbours are adjacent. If the
-// vertices are equal, compare the triangle numbers, so that the order is unique.
+// vertices are equal, compare the indices of the triangles, so that the order is unique.
 static int compare(const void *pa, const void *pb)
 {
     const half_edge *a = pa, *b = pb;
@@ -155,7 +155,7 @@ kn_shaded_mesh *kn_shaded_mesh_create(int vertex_count, const float (*rest)[3], 
 {
     if (vertex_count < 3 || vertex_count > KN_SHADED_VERTICES_MAX) return NULL;
     if (triangle_count < 1 || triangle_count > 2 * KN_SHADED_VERTICES_MAX) return NULL;
-    // Triangles may come from the bus, so check their vertex numbers.
+    // Triangles may come from the bus, so check the indices of their vertices.
     for (int i = 0; i < 3 * triangle_count; i++)
         if (triangle[i / 3][i % 3] < 0 || triangle[i / 3][i % 3] >= vertex_count) return NULL;
     kn_shaded_mesh *s = calloc(1, sizeof *s);
@@ -191,7 +191,7 @@ static float corner_angle(const int t[3], const float (*xyz)[3], int corner)
 static bool whole(const int t[3], const float (*xyz)[3])
 {
     float sum = 0;
-    // The sum stays 0 unless a coordinate is infinite or NaN.
+    // A finite coordinate adds 0 to the sum. An infinite coordinate or a NaN makes the sum NaN.
     for (int i = 0; i < 9; i++) sum += 0 * xyz[t[i / 3]][i % 3];
     return sum == 0;
 }

@@ -23,9 +23,9 @@
 typedef struct kn_shaded_mesh {
     int vertex_count;
     int triangle_count;
-    int group_count; // number of normals; corners of triangles that share a normal form a group
-    int *triangle;   // [triangle_count][3] numbers of the vertices of each triangle
-    int *group;      // [triangle_count][3] number of the normal of each corner
+    int group_count; // number of groups; a group consists of all corners that share one normal
+    int *triangle;   // [triangle_count][3] indices of the vertices of each triangle
+    int *group;      // [triangle_count][3] index of the group of each corner, and of its normal
     // [triangle_count][3] true: the triangle's side opposite the corner is drawn as a line of the lattice.
     bool *line;
     float *normal;     // [group_count][3] normals, scratch memory of kn_shaded_mesh_corners
