@@ -308,8 +308,8 @@ static void measure(findings *f, int seconds)
                        "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (maximum)",
                        1000 * seconds, w->missed, p50, p99, most);
         fix(c, "%s",
-            rt.fifo ? "run kneadd on a machine with PREEMPT_RT and no other real-time work; a virtual machine stops while "
-                      "its host does other work"
+            rt.fifo ? "run kneadd on a machine with PREEMPT_RT and no other real-time work; a virtual machine stops "
+                      "while its host does other work"
                     : "get real-time priority first: see the check `priority`");
     }
     free(w);
