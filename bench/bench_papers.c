@@ -1,6 +1,6 @@
-// One experiment of the papers. The first probe of a scene presses the object, or the object sags under its own weight.
-// bench/papers runs this program for each figure of the papers. The program writes pictures and curves to files whose
-// names begin with --prefix, and prints the measured values as one line of JSON.
+// One experiment of the papers. The first probe of a scene presses the object; in an experiment without a press, the
+// object sags under its own weight. bench/papers runs this program for each figure of the papers. The program writes
+// pictures and curves to files whose names begin with --prefix, and prints the measured values as one line of JSON.
 #include "clients/picture/object_still.h"
 #include "clients/viewer/image.h"
 #include "core/scene/scene.h"

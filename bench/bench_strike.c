@@ -118,7 +118,8 @@ static bool move(const struct stroke *s, double touch_m, double t, kn_pose *pose
 }
 
 // Play one stroke and write its ticks to `to`. If `reference` is NULL, measure the time of each tick. Otherwise measure
-// no times, but compute the error of the force of each capped tick, with `reference` as the exact solver.
+// no times, but compute the error of the force of each tick that ended above the solver's tolerance, with `reference`
+// as the exact solver.
 static void run(kn_served_object *on, kn_served_object *reference, const struct stroke *s, int probe, int64_t deadline,
                 track *to)
 {

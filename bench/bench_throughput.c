@@ -1,4 +1,4 @@
-// Cost of a time step, compared with limits of the machine that the same run measures. bench/README.md explains the
+// Cost of a time step. The same run measures the limits of the machine, for comparison. bench/README.md explains the
 // tables.
 #include "bench/bench.h"
 #include "bench/throughput.h"

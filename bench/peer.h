@@ -23,7 +23,7 @@ typedef struct peer_block {
 
 typedef struct peer peer;
 
-extern const char peer_name[]; // name and version
+extern const char peer_name[]; // name and version of the other engine
 
 peer *peer_create(const peer_block *block); // copies the block
 void peer_destroy(peer *p);

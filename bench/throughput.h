@@ -42,8 +42,8 @@ int ceiling_of(const ceilings *c, size_t bytes);
 // An operation is one vector instruction of the arithmetic pipes, counted once per lane. Add, subtract, multiply,
 // divide, root, minimum and fused multiply-add count as one operation each; compare and select count as two. Flops are
 // counted as in textbooks: a fused multiply-add counts as two, minimum and select as none. Moves, rotations, table
-// look-ups and scalar sums are not counted. Bytes are 64 for each line of the state that a loop touches, however often
-// the loop touches the line. These bytes must come from the cache or memory in which the state lies.
+// look-ups and scalar sums are not counted. Each 64-byte line of the state that a loop touches counts as
+// 64 bytes, however often the loop touches it. These bytes must come from the cache or memory in which the state lies.
 
 typedef struct counted { // counts of operations, flops and bytes in one loop over the whole lattice, including padding
     double operations, flops, bytes;

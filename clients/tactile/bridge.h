@@ -139,7 +139,7 @@ typedef struct kn_bridge_def {
 bool kn_bridge_start(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 // Return the newest state of the bridge. It is valid until the next call of this function.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge);
-// Return 0, or the errno of the refusal if the system has refused the real-time priority.
+// If the system has refused the real-time priority, return the errno of the refusal. Otherwise return 0.
 int kn_bridge_priority_error(const kn_bridge *bridge);
 // Set the motors to zero force, close the device and end the thread.
 void kn_bridge_stop(kn_bridge *bridge);

@@ -15,7 +15,8 @@
 
 // ---- messages
 
-// Limits of a plausible position and velocity. The reach of every arm of Haply's is smaller than farthest_m.
+// Limits of a plausible position and velocity. Every arm of Haply's has a shorter reach than farthest_m, so no valid
+// position is rejected.
 static const double farthest_m = 1.0, fastest_m_s = 100.0;
 
 bool kn_haply_id_known(const char *id)

@@ -10,8 +10,8 @@
 #define FLAT_SHARE 0.99
 #define ARROW_SQUARES_PER_N 0.2f // length of the force arrow per force, squares of the table per N
 #define ARROW_LEAST_N 0.05f      // smallest force that is drawn as an arrow, N
-#define HAND_AWAY_M 0.0005       // distance of a hand from its tool above which its outline is drawn
-#define HAND_TURNED_COS 0.9986f  // cosine of 3 degrees: turn of a hand above which its outline is drawn
+#define HAND_AWAY_M 0.0005       // distance between a hand and its tool above which the hand is drawn
+#define HAND_TURNED_COS 0.9986f  // cosine of 3 degrees, the angle to its tool above which a hand is drawn
 
 // Profiles (radius, z) of the unit solids. z runs from 0 to 1; in the ball, z runs from -1 to 1. The radius is 1. The
 // box has sides of length 1.

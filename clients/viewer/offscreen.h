@@ -15,7 +15,7 @@
 //
 // Nothing links libGL. The addresses of OpenGL's functions come from the context, so a process can also load a
 // desktop's libGL without a conflict.
-#define GL_GLEXT_PROTOTYPES // the types of the functions below
+#define GL_GLEXT_PROTOTYPES // makes the header declare the types of the functions below
 #include <GL/glcorearb.h>
 #include <stdbool.h>
 #include <stddef.h>
