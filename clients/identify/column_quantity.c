@@ -401,8 +401,8 @@ static int twin(const kn_table_reader *s, kn_column_quantity q, const char *name
 }
 
 // Return the first column that has one of the quantity's names and a suitable unit, or -1. Preferred names are tried
-// first; *name is the name that matched. If `sure` is true, only columns that certainly hold the quantity count. *other
-// is the first column that has one of the names but no suitable unit, or -1.
+// first; *name is the name that matched. If `sure` is true, skip columns that do not certainly hold the quantity.
+// *other is the first column that has one of the names but no suitable unit, or -1.
 static int match(const kn_table_reader *s, kn_column_quantity q, bool sure, const char **name, int *other)
 {
     *other = -1;
@@ -457,8 +457,8 @@ int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity
     int bare = -1;
     kn_column_quantity bare_is = *wanted;
     for (int i = 0; i < count; i++) {
-        // If an uncertain column was found before, search without printing first. A column of another quantity with a
-        // wrong unit is then skipped and is not an error.
+        // If an uncertain column was found before, first search for this quantity without printing errors. A column
+        // with a wrong unit is then skipped and is not an error.
         if (bare >= 0 && kn_column_find(s, wanted[i], NULL) < 0) continue;
         const int column = kn_column_find(s, *q = wanted[i], code);
         if (*code != KN_EXIT_OK) return -1;

@@ -301,7 +301,8 @@ static int start_units_relax(const kn_constitutive_model *model, const look *l, 
 }
 
 // Make starts for the papers' damper. At late times equation (1) of element_response.h becomes t = alpha/k1 exp(-beta
-// P)/(beta P). The stress P then falls by 1/beta whenever t grows by a factor of e.
+// P)/(beta P). The stress P then falls by 1/beta whenever t grows by a factor of e, so beta follows from the line
+// through the early readings.
 static int start_papers_relax(const kn_constitutive_model *model, const look *l, int curves,
                               const kn_compared_curve *curve, places start)
 {

@@ -31,7 +31,7 @@ static const char help[] =
     "  --release TIME         time at which the load was removed\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,height=mm\n"
     "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
-    "  --late                 also fit the times at which each curve's load came and was removed;\n"
+    "  --late                 also fit the times at which each curve's load was applied and removed;\n"
     "                         all results then count time from the fitted arrival of the load\n"
     KN_IDENTIFY_OUTPUT_HELP
     "\nThe output gives the best parameters over all curves together, and their 95 % intervals.\n"
@@ -74,8 +74,8 @@ static void print_curves(const kn_identification *w)
         printf("\n");
     }
     printf("misfit: rms residual, %% of the largest strain. / noise: rms residual over the noise.\n"
-           "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
-           "above 3, the model's curve has another shape than the data\n"
+           "runs: standard deviations by which the residuals have fewer runs of one sign than noise has;\n"
+           "above 3, the model's curve does not have the shape of the data\n"
            "fit and intervals took %.2g s\n",
            w->took_s);
 }
@@ -140,9 +140,9 @@ static void doubt_curves(kn_identification *w)
                              "%s: the load was never taken off, or the file does not say when: "
                              "k1 and c1 follow from the creep alone, not from a recovery",
                              c->name);
-        // The noise is estimated from the median of n differences, with a relative error of about 1.7/sqrt(n). So
-        // residuals may be noise if they are at most 1 + 5/sqrt(n) times as large as the noise, which allows three
-        // times this error. Long runs of one sign are ignored if the residuals are below half of the noise.
+        // The noise is estimated from the median of n differences. The relative error of this estimate is about
+        // 1.7/sqrt(n). Residuals pass as noise if they are at most 1 + 5/sqrt(n) times the estimate, which allows for
+        // three times its error. Long runs of one sign are ignored if the residuals are below half of the noise.
         const double times = j->rms[k] / c->noise, sure = 1 + 5 / sqrt(c->count);
         if ((j->runs[k] > 3 && times > 0.5) || times > sure)
             kn_identify_note(w,
@@ -409,9 +409,9 @@ static void add_curve(kn_figure_panel p[4], const kn_curve *c, const curve_value
 }
 
 // Draw all creep curves in one PNG. The first two panels show the strain with the fit, on linear and on logarithmic
-// axes. The third panel shows the residuals as means over neighbouring readings. Each mean is divided by the standard
-// deviation that noise gives to a mean of so many readings. The last panel shows the damper law c2(P) over the measured
-// stresses, with the points that the paper's two-stage method finds for each curve.
+// axes. The third panel shows means of the residuals of neighbouring readings. Each mean is divided by its own standard
+// deviation, which follows from the noise and the number of readings in the mean. The last panel shows the damper law
+// c2(P) over the measured stresses, with the points that the paper's two-stage method finds for each curve.
 static int draw(kn_identification *w, const char *path)
 {
     // an array of this size is too large for the stack
@@ -422,7 +422,7 @@ static int draw(kn_identification *w, const char *path)
     p[0] = (kn_figure_panel){.title = "points: measured; lines: identified", .x_label = "time, s", .y_label = "strain"};
     p[1] = (kn_figure_panel){
         .title = "the same, logarithmic", .x_label = "time, s", .y_label = "strain", .log_x = true, .log_y = true};
-    p[2] = (kn_figure_panel){.title = "residuals, means of neighbours; grey: two standard deviations",
+    p[2] = (kn_figure_panel){.title = "mean residuals of neighbouring readings; grey: two deviations",
                              .x_label = "time, s",
                              .y_label = "(measured - identified)/deviation",
                              .log_x = true,
@@ -517,7 +517,7 @@ static void two_stages(kn_document *d, const kn_identification *w)
     kn_document_section(d, "The first paper's two-stage method");
     kn_document_text(
         d, "The paper determines k1 and c1 from the recovery. "
-           "The damper follows from the displacement without its Voigt part. "
+           "The strain of k1 and c1 is subtracted from the measured strain; the damper follows from the rest. "
            "Each curve is fitted alone; the table gives the deviation from the joint fit in %%. "
            "For dough, k1 and c1 are 2.7 %% low even without noise, since the stress falls while a specimen creeps.");
     kn_document_table(d, "Two-stage method: deviation from the joint fit", "lrrrr", "curve\tk1\tc1\talpha\tbeta");

@@ -30,7 +30,7 @@ typedef struct work {
     kn_fit fit;
     bool robust, late;
     double *strain; // scratch: fitted strain of one curve
-    bool *left_out; // [readings of all curves, in order] whether the reading is left out as an outlier
+    bool *left_out; // [readings of all curves, curve after curve] true: the reading is left out as an outlier
     int most;       // number of readings of the longest curve
 } work;
 
@@ -508,7 +508,7 @@ static void say(const work *w)
         snprintf(n[i].words, sizeof n->words, "%s", why[n[i].known]);
 }
 
-// Compute lateness, residuals and runs of one curve. Its outliers are left out.
+// Compute lateness, residuals and runs of one curve without the curve's outliers.
 static bool judge(work *w, int k, const double *value, const bool *left_out)
 {
     const kn_curve *c = &w->curve[k];

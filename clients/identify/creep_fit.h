@@ -41,8 +41,8 @@ typedef struct kn_creep_fit {
     kn_material material;
     kn_parameter_estimate number[KN_ESTIMATE_NUMBERS];
     double lowest_pa, highest_pa; // range of the measured stresses under load
-    // root mean square residual of each curve, for the strain of a single reading; a mean of several readings has the
-    // weight of all these readings
+    // root mean square residual of each curve, comparable with the noise of a single reading. If an entry is a mean of
+    // w readings, its squared residual is multiplied by w
     double rms[KN_CURVES_MAX];
     double runs[KN_CURVES_MAX];   // result of kn_fit_runs for each curve
     double late_s[KN_CURVES_MAX]; // how much later than the file says the load was applied; 0 without option `late`

@@ -18,7 +18,7 @@
 // digits
 enum { CELLS = 2 };
 
-// ways to compute the creep: as an element, as a lattice with diagonals or with gas
+// ways to compute the creep: as one element, as a lattice with diagonals alone, or as a lattice with diagonals and gas
 enum { ELEMENT, DIAGONALS, GAS, WAYS };
 
 typedef struct simulated_creep {
@@ -56,8 +56,8 @@ static double apart(const double *a, const double *b, const kn_curve *c)
     return sqrt(sum / c->count) / kn_curve_largest(c);
 }
 
-// Compute the creep of the material of a scene file in one of the ways: as an element, or as a lattice with diagonals
-// or with gas.
+// Compute the creep of the material of a scene file in one of the ways: as one element, as a lattice with diagonals
+// alone, or as a lattice with diagonals and gas.
 static int creep_again(simulated_creep *back, int way, const char *subcommand, const char *scene, const kn_curve *c)
 {
     static const char *gas[] = {"object.pressure=cells"};

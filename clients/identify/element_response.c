@@ -181,7 +181,7 @@ static double step(const kn_voigt_chain *chain, const drive *d, const state *fro
     return to->largest > 0 ? error / to->largest : 0;
 }
 
-// The requested readings. After each time step, the readings at times after `from` and up to `to` are interpolated.
+// The requested readings. After each time step, the readings whose times lie within the step are interpolated.
 typedef struct readings {
     int count, next;
     const double *time_s;
@@ -207,7 +207,7 @@ static bool read_between(const kn_voigt_chain *chain, const drive *d, const stat
     return true;
 }
 
-// Advance without load: every Voigt element relaxes independently, in closed form.
+// Advance the chain without load: every Voigt element relaxes independently, in closed form.
 static void rest(const kn_voigt_chain *chain, state *s, double until_s, readings *r)
 {
     double begun[UNITS], from = s->time_s;

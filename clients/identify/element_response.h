@@ -82,7 +82,7 @@ typedef struct kn_held_element {
     double p1_pa;       // P1, > P0; INFINITY: the stress never exceeds P1
 } kn_held_element;
 
-// Return the held element of a material, whose stress at time 0 is begin_pa.
+// Return an element of the material that is held at a constant strain and has the stress begin_pa at time 0.
 kn_held_element kn_held_element_of(const kn_material *material, double begin_pa);
 
 // Return the time constant -P/P' at the stress P = stress_pa [s].

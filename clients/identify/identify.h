@@ -25,7 +25,7 @@ typedef struct kn_identify_options {
     bool no_models;      // option --no-models: do not compare the result with other material models
     bool late;           // creep: also fit the times at which the loads were applied and removed
     bool shear;          // sweep: the measured moduli are shear moduli
-    bool constant_noise; // relax: the noise is as large at every stress, instead of being a fixed share of the stress
+    bool constant_noise; // relax: the noise is the same at all stresses; false: it is a fixed share of the stress
     // for the comparison of models: the models are fitted to the readings before this time and judged by the later
     // readings [s]; 0: the time is chosen from the data
     double cut_s;
@@ -154,7 +154,7 @@ void kn_identify_page_material(kn_document *d); // add a link to material.yaml t
 void kn_identify_plot(kn_figure_panel *p, const char *name, int count, const double *x, const double *y, double scale,
                       kn_figure_look look, int hue);
 
-// Fill x[KN_IDENTIFY_POINTS] with numbers from `low` to `high`, each a constant factor above the one before.
+// Fill x[KN_IDENTIFY_POINTS] with a geometric progression from `low` to `high`.
 void kn_identify_points(double low, double high, double *x);
 
 // ---- the page of creep (creep_validation.c)

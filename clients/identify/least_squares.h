@@ -80,9 +80,9 @@ typedef struct kn_fit_interval {
     bool open_low, open_high;
 } kn_fit_interval;
 
-// Return the interval of an unknown at a confidence such as 0.95. If all of the interval by the method "curvature" lies
-// within 5 % of the best value, this interval is returned; otherwise the method is "profile". kn_fit_interval_by uses
-// the given method.
+// Return the interval of an unknown at a confidence such as 0.95. If the whole interval by the method "curvature" lies
+// within 5 % of the best value, return this interval. Otherwise return the interval by the method "profile".
+// kn_fit_interval_by uses the given method.
 kn_fit_interval kn_fit_interval_of(const kn_fit *fit, int unknown, double confidence);
 kn_fit_interval kn_fit_interval_by(const kn_fit *fit, int unknown, double confidence, kn_fit_how how);
 
@@ -96,7 +96,8 @@ double kn_line_slope(int count, const double *t, const double *x, const double *
 
 // Apply Wald and Wolfowitz's runs test to residuals in the order of time. A run is a series of successive residuals of
 // one sign. Return by how many standard deviations the number of runs is below that of independent noise. A result
-// above 3 means that the model's curve has another shape than the data. Return NAN if there are fewer than 20 readings.
+// above 3 means that the model's curve does not have the shape of the data. Return NAN if there are fewer than 20
+// readings.
 double kn_fit_runs(int readings, const double *residual);
 
 // Return Akaike's criterion for small samples (AICc), up to a constant that depends only on the data. A lower value

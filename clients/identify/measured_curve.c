@@ -117,9 +117,9 @@ static bool strides(const kn_table_reader *s, const double *t, int i, double lon
 }
 
 // Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. If time has started again, these rows begin a
-// second table. Return 0 if one of the first FEW rows continues the old time, since then only the rows before it are
-// out of place. A row continues the old time if its time is from `last`, the largest time so far, to three old steps
-// later. In addition, the next row must follow within ten old steps.
+// second table. Return 0 if one of the first FEW rows continues the old time, since then only the rows before this row
+// are out of place. A row continues the old time if its time is between `last` and `last` + 3 `step` and the next row
+// follows within 10 `step`. last: largest time so far; step: last increase of `last`.
 static int rows_anew(const kn_table_reader *s, const double *t, int at, double last, double step)
 {
     double before = t[at];
@@ -446,7 +446,7 @@ static int load_relax(kn_curve_file *f)
 
 // ---- sweeps: storage and loss modulus over frequency
 
-// Indices of columns of the table; -1: the table lacks the column. `modulus`, `tangent` and `phase` are searched only
+// Indices of columns of the table; -1: the table lacks the column. `modulus`, `tangent` and `phase` are looked up only
 // if the table lacks G' or G''.
 typedef struct sweep_columns {
     int frequency, storage, loss, modulus, tangent, phase;

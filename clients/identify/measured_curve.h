@@ -18,8 +18,8 @@
 // of a file override the options for that file.
 //
 // A reading is left out if it is missing, or if it was taken before the load or while the load changed. Readings of the
-// same time are averaged. If there are more than KN_CURVE_READINGS readings, they are thinned: neighbours whose times
-// since the last change of load differ by less than a certain factor become one weighted reading. Thinning never joins
+// same time are averaged. If there are more than KN_CURVE_READINGS readings, they are thinned: neighbours become one
+// weighted reading if the ratio of their times since the last change of load is below a limit. Thinning never joins
 // readings across a change of load.
 //
 // Compression is positive (core/network.h). Strain is displacement divided by initial height h0. Stress is force

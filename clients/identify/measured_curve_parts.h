@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
 #define KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
-// The steps from the readings in the table (table_reader.h), which are as written in the file, to the readings in the
-// finished curve (measured_curve.h). The readings are sorted, cleaned and thinned to as many as a fit needs. Arrays of
-// a kn_curve that are NULL are skipped, but kn_curve_merge and kn_curve_thin need weight[].
+// The steps that turn the readings of a table (table_reader.h) into a finished curve (measured_curve.h). A table holds
+// the readings as the file has them. In a curve they are sorted, cleaned, and thinned to as many as a fit needs. Arrays
+// of a kn_curve that are NULL are skipped, but kn_curve_merge and kn_curve_thin need weight[].
 #include "clients/identify/measured_curve.h"
 #include "clients/identify/table_reader.h"
 
@@ -25,8 +25,8 @@ int kn_curve_merge(kn_curve *c);
 void kn_curve_skip(kn_curve *c, int count);
 
 // Thin the readings to about `most` readings if there are more than 4/3 `most`. The rising times change_s[changes]
-// divide the readings into pieces. Within a piece, neighbouring readings are averaged if their times since the start of
-// the piece differ by less than a factor. Each piece has one such factor. Each mean is placed at the mean time of its
+// divide the readings into pieces. Within a piece, neighbouring readings are averaged if the ratio of their times since
+// the start of the piece is below a limit. Each piece has its own limit. Each mean is placed at the mean time of its
 // readings. The mean of a bent curve is corrected by the curvature through the neighbouring means. Return false if
 // memory runs out.
 bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s);

@@ -96,8 +96,8 @@ int kn_curve_sort(kn_curve *c)
     return moved;
 }
 
-// Replace the readings from..end-1 by their mean, which is stored at the index `to`. Return the variance of the times
-// of these readings.
+// Replace the readings with the indices `from` to `end` - 1 by their mean, and store the mean at the index `to`. Return
+// the variance of the times of these readings.
 static double average(kn_curve *c, int to, int from, int end)
 {
     double n = 0, time = 0, square = 0, value = 0, other = 0;
@@ -170,8 +170,8 @@ static int first_from(const kn_curve *c, int begin, int end, double time_s)
     return begin;
 }
 
-// Return the end of the group of readings that begins at `begin`. Within a group, the times since the last change of
-// load differ by less than `factor`.
+// Return the end of the group of readings that begins at `begin`. Within a group, the latest time since the last change
+// of load is less than `factor` times the earliest.
 static int group_end(const kn_curve *c, const piece *p, int begin, double factor)
 {
     int end = first_from(c, begin, p->end, p->from_s + factor * (c->time_s[begin] - p->from_s));

@@ -10,12 +10,12 @@
 enum { EARLY, LATE };
 
 #define RUNS 3.0 // limit of kn_fit_runs, in standard deviations; residuals above the limit are not noise
-// A model counts as equally supported if its AICc is at most this much above the least AICc (Burnham and Anderson,
-// Model selection, 2.6)
+// The data support a model as well as the best model if its AICc is at most this much above the least AICc (Burnham and
+// Anderson, Model selection, 2.6)
 #define NEAR_AICC 2
-// NEAR_HELD: a model counts as equally good on the late part if its error there is at most this many times the least
-// error. BELOW: the late stresses count as lower than the early ones if the least late stress is below this share of
-// the least early stress.
+// NEAR_HELD: a model is as good as the best model on the late part if its error there is at most this many times the
+// least error. BELOW: the late stresses count as lower than the early ones if the least late stress is below this share
+// of the least early stress.
 #define NEAR_HELD 1.1
 #define BELOW 0.98
 
@@ -378,7 +378,8 @@ void kn_model_comparison_verdict(const kn_model_comparison *m, char *text, size_
     }
     if (known && !noise)
         append(text, size,
-               ". The residuals of all models have long runs of one sign, unlike noise: none of them is the material");
+               ". The residuals of all models have long runs of one sign, unlike noise: none of them describes the "
+               "material");
 }
 
 void kn_model_comparison_numbers(const kn_model_comparison_row *row, char *text, size_t size)
@@ -418,8 +419,8 @@ void kn_model_comparison_print(const kn_model_comparison *m)
     for (int i = 0; i < m->rows; i++) print_row(m, &m->row[i]);
     printf(
         "letters: elements in figure 2 of the first paper. n: number of parameters. AICc: difference from the best.\n"
-        "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
-        "above 3, the model's curve has another shape than the data. (?): not determined by the fitted part\n");
+        "runs: standard deviations by which the residuals have fewer runs of one sign than noise has;\n"
+        "above 3, the model's curve does not have the shape of the data. (?): not determined by the fitted part\n");
     kn_model_comparison_verdict(m, text, sizeof text);
     printf("verdict     %s.\n", text);
 }

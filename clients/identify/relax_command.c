@@ -75,13 +75,13 @@ static void doubt(kn_identification *w)
                              "%s: the fit is off by %.2g %% on average: "
                              "the specimen does not behave as the papers' element, and the parameters mean little",
                              name, 100 * k->misfit);
-        // Long runs of one sign mean that the model's curve has another shape than the data.
+        // Long runs of one sign mean that the model's curve does not have the shape of the data.
         if (k->runs > 3 && k->misfit > NUMERICS)
             kn_identify_note(w,
                              "%s: the residuals have long runs of one sign (%.2g standard deviations): "
-                             "the model's curve has another shape than the data, and the intervals are too narrow",
+                             "the model's curve does not have the shape of the data, and the intervals are too narrow",
                              name, k->runs);
-        // If the strain did not rise on a straight line, the recorded strain is used, and the noise of this strain
+        // If the strain did not rise in a straight line, the recorded strain is used, and the noise of this strain
         // affects c1.
         if (k->rises && !k->ramp.straight)
             kn_identify_note(w,
@@ -135,8 +135,8 @@ static void print_curves(const kn_relaxation_fit *r)
                k->hold.count, 100 * k->misfit, kn_identify_runs(k->runs, runs));
     }
     printf("rise, hold: number of fitted means. misfit: mean of |fit/measured - 1|.\n"
-           "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
-           "above 3, the model's curve has another shape than the data\n");
+           "runs: standard deviations by which the residuals have fewer runs of one sign than noise has;\n"
+           "above 3, the model's curve does not have the shape of the data\n");
 }
 
 static void tell_json(const kn_relaxation_fit *r)
@@ -193,8 +193,8 @@ static void add_model(kn_figure_panel *p, drawing *d, kn_model_comparison *m, in
                      r->model.yardstick ? KN_FIGURE_DASHES : KN_FIGURE_LINE, place + 2);
 }
 
-// Add up to four different models in this order: the best of all on the later part, the best that is no yardstick, the
-// next best of all, and the best of springs and dampers.
+// Add up to four different models. Each is the best on the later part among the models that are not drawn yet. The
+// first and the third may be of any kind, the second is no yardstick, and the fourth consists of springs and dampers.
 static void add_models(kn_figure_panel *p, drawing *d, kn_model_comparison *m)
 {
     const kn_compared_part *early = &m->curve[0].part[0], *late = &m->curve[0].part[1];

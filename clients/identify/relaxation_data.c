@@ -58,8 +58,9 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
     *r = (kn_strain_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
     if (!(r->strain > 0)) return false;
     int low = 0, high = 0, end = 0;
-    // Fit a line to the rise between 10 % and 90 % of the held strain: readings low..high-1. If fewer than three
-    // readings are in this range, draw the line through the reading before the range and the reading after it.
+    // Fit a line to the rise between 10 % and 90 % of the held strain: the readings before the index `high`, from the
+    // index `low` on. If fewer than three readings are in this range, draw the line through the reading before the range
+    // and the reading after it.
     while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
     while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
     for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;
@@ -91,7 +92,7 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
 // ln(time).
 typedef struct grid {
     const kn_strain_ramp *rise; // NULL: a hold
-    double begin_s;             // time from which the bins count
+    double begin_s;             // in a hold: time at which t = 0 in ln(t)
     double corner_s;            // time at which the strain was reached; NAN: no corner
     double least;               // in a rise: values below this limit are left out
 } grid;
@@ -105,7 +106,7 @@ static bool beside_corner(const kn_curve *c, int i, double corner_s)
     return before < corner_s && after > corner_s;
 }
 
-// Return the number of a reading's bin, or -INFINITY if the reading belongs to no bin.
+// Return the index of a reading's bin, or -INFINITY if the reading belongs to no bin.
 static double bin_of(const grid *g, const kn_curve *c, int i)
 {
     const double t = c->time_s[i] - g->begin_s;

@@ -160,7 +160,7 @@ static void unknowns_around(work *w, const double v[KN_FIT_UNKNOWNS])
     const double fastest = fit->unknown[ALPHA].value * exp(-v[BETA] * w->highest);
     w->c1_low = NEVER_C1 * fastest;
     w->c1_high = 1e3 * fit->unknown[ALPHA].value;
-    // The search range of alpha is far wider, since alpha scales with exp(beta P).
+    // The search range of alpha is far wider than the other ranges, since alpha scales with exp(beta P).
     fit->unknown[ALPHA].low /= 1e20, fit->unknown[ALPHA].high *= 1e20;
     fit->unknown[K1].fixed = w->r->scale != KN_RELAXATION_RISE;
     for (int c = 0; c < w->r->curves; c++) {
@@ -322,8 +322,8 @@ static void put_bound(kn_parameter_estimate *number, int i, bool at_most, double
                               (kn_fit_interval){KN_FIT_PROFILE, low, high, at_most, !at_most});
 }
 
-// Return the lower bound of k1 by equation (1) of the header. Every curve gives a lower bound, so the largest one
-// counts.
+// Return the lower bound of k1 by equation (1) of the header. Every curve gives a lower bound, so return the largest of
+// these bounds.
 static double least_k1(const kn_relaxation_fit *r, const kn_fit *fit)
 {
     double k1 = 0;

@@ -15,11 +15,11 @@
 //                    If S is unknown, the values are moduli instead of stresses, and k1 is unknown.
 //
 // For each hold without a rise, the stress Pi at time 0 is a further unknown. The first reading is later than time 0,
-// so its stress is below Pi. Even an infinite Pi would fall to a finite stress by the time of the first reading, so the
-// stress at the first reading has an upper limit. P0 and P1 are unknowns only if Akaike's criterion for small samples
-// supports them. Otherwise the fit reports a bound of P0 or P1: the value at which the sum of squares has risen by as
-// much as chance explains. c1 is always an unknown, since a fit without c1 biases the other unknowns. If the interval
-// of c1 reaches 0, c1 is set to 0.
+// so its stress is below Pi. Even an infinite Pi would fall to a finite stress by the time of the first reading. So for
+// given parameters the fitted stress at the first reading has an upper limit, however large Pi is. P0 and P1 are
+// unknowns only if Akaike's criterion for small samples supports them. Otherwise the fit reports a bound of P0 or P1:
+// the value at which the sum of squares has risen by as much as chance explains. c1 is always an unknown, since a fit
+// without c1 biases the other unknowns. If the interval of c1 reaches 0, c1 is set to 0.
 //
 // The readings of a hold are the means of bins of ln(time), 20 for each decade, so that every decade of time counts the
 // same. An instrument that samples at a constant rate takes nine tenths of its readings in the last decade. The
@@ -110,7 +110,7 @@ typedef struct kn_relaxation_fit {
 
 typedef struct kn_relaxation_fit_options {
     double confidence;   // confidence of the intervals, such as 0.95
-    bool constant_noise; // the noise is as large at every stress, instead of being a fixed share of the stress
+    bool constant_noise; // the noise is the same at all stresses; false: it is a fixed share of the stress
     bool no_intervals;   // compute the values of the parameters without their intervals
 } kn_relaxation_fit_options;
 

@@ -36,7 +36,7 @@ static const char help[] =
     "Exit codes: 0 ok, 1 the fit cannot be used in a scene, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
 
-static const char at_rest[] = "a sweep of small amplitude shows the damper at rest, c2 = c_max, not how it thins: "
+static const char at_rest[] = "a sweep of small amplitude shows c2 = c_max at rest, not how c2 falls with the stress: "
                               "beta, P0 and P1 need creep or relax";
 
 // ---- the fit of springs and dampers
@@ -351,7 +351,7 @@ static void verdict(const kn_sweep_fit *s, char *text, size_t size)
     if (best->runs > 3 && best->error > 5e-4)
         snprintf(text + n, size - n,
                  "; but the residuals have long runs of one sign: "
-                 "the model's curve has another shape than the data, and the intervals are too narrow");
+                 "the model's curve does not have the shape of the data, and the intervals are too narrow");
     n = strlen(text);
     if (s->material >= 0 && s->material != s->best)
         snprintf(text + n, size - n,
@@ -372,8 +372,8 @@ static void print(kn_identification *w)
                r->aicc - s->row[s->best].aicc, kn_identify_runs(r->runs, runs), text);
     }
     printf("misfit: mean of |model/measured - 1| of both moduli. AICc: difference from the chosen element.\n"
-           "runs: by this many standard deviations, the residuals have fewer runs of one sign than noise;\n"
-           "above 3, the model's curve has another shape than the data\n");
+           "runs: standard deviations by which the residuals have fewer runs of one sign than noise has;\n"
+           "above 3, the model's curve does not have the shape of the data\n");
     verdict(s, text, sizeof text);
     printf("verdict     %s.\n", text);
     if (doubt(w, text, sizeof text)) kn_identify_note(w, "%s", text);

@@ -193,8 +193,8 @@ static bool find_table(kn_table_reader *s)
         before = was;
         if (is_units(s->lines.text, found.plain.separator)) units = found.plain.line;
     }
-    // The line of units counts only if it is the last line of words above the numbers and another line of words is
-    // above it.
+    // Use the line of units only if it is the last line of words above the numbers and another line of words is above
+    // it.
     const bool below = units > 0 && units == found.plain.line && before.plain.line > 0;
     const candidate *names = below ? &before.plain : found.plain.line ? &found.plain : &found.commented;
     s->header_line = names->line;

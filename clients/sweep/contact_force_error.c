@@ -5,8 +5,8 @@
 #define TICK_S 1e-3
 #define BAND_HZ 8.0 // lower end of the frequency band around 10 Hz in which the lag is computed
 #define BAND_WIDTH_HZ 4.0
-// Smallest share of the sum of the squared force that must lie in the frequency band. If the share is smaller, no lag
-// is computed.
+// Least energy in the frequency band, as a share of the largest energy that one frequency can have. If the energy is
+// smaller, no lag is computed.
 #define BAND_FLOOR 1e-6
 enum { BAND_POINTS = 17 };
 
@@ -157,8 +157,8 @@ double kn_contact_force_lag(const kn_replay_trace *a, const kn_replay_trace *b)
             mean_hz += hz * size;
         }
     for (int64_t i = 0; i < b->ticks * b->probes; i++) all += squares(b->force_n[i]);
-    // Return NAN if the band has too little energy. By the Cauchy-Schwarz inequality the energy at one frequency is at
-    // most ticks * all, where `all` is the sum of the squared forces.
+    // By the Cauchy-Schwarz inequality the energy at one frequency is at most `ticks` * `all`, where `all` is the sum
+    // of the squared forces. Return NAN if the energy in the band is too small a share of this limit.
     if (!(energy > BAND_FLOOR * all * (double)b->ticks)) return NAN;
     return -carg(cross) / (2 * M_PI * mean_hz / energy);
 }

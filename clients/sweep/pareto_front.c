@@ -264,7 +264,7 @@ const kn_pareto_row *kn_pareto_front_elsewhere(const kn_pareto_front *front, con
 
 // ---- CSV
 
-// Numbers of a row: their names, and their places in kn_pareto_row.
+// Numeric columns of the CSV file: name, and offset of the value in kn_pareto_row.
 #define NUMBER(name, member)                                                                                           \
     {                                                                                                                  \
         name, offsetof(kn_pareto_row, member)                                                                          \
@@ -397,7 +397,7 @@ static void print_lattice(const kn_pareto_front *front, const kn_pareto_row *r)
     char lattice[16];
     printf("-- %s, %d nodes: the converged force jumps by %.2f N/ms, TV/pk %.2f", lattice_of(r->run, lattice),
            r->run->nodes, r->reference_jump_n, r->reference_variation);
-    // If the lattice has no error of its own, it is the finest lattice, or a mesh.
+    // The finest lattice and a mesh have no measured lattice error.
     if (r->run->spacing_m == 0) puts("; the error against a finer mesh is not known");
     else if (r->force.lattice == 0) puts("; the finest lattice of this sweep");
     else

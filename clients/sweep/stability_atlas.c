@@ -63,7 +63,7 @@ static pid_t start(const kn_stability_atlas *a, progress *p, int job)
     return child;
 }
 
-// Record in a cell that the process that was trying it died, and the cause of death from `status`.
+// Mark a cell as DIED, because the process that was running its trial ended. `status` tells why the process ended.
 static void bury(const kn_stability_atlas *a, progress *p, int cell, int status)
 {
     for (int w = 0; w < KN_WAYS; w++) {
@@ -202,8 +202,8 @@ static void print_table(const kn_stability_atlas *a)
     }
     // Print the total over all families only if there is more than one family.
     if (family_end(a, 0) < a->maps) print_counts(a, "all", 0, cells_of(a));
-    printf("\ncoarse: the error of the time step alone exceeds %g %%; loose: the reference did not converge in every "
-           "step\n",
+    printf("\ncoarse: the error of the time step alone exceeds %g %%; loose: the reference missed its tolerance in "
+           "at least one step\n",
            100 * COARSE);
 }
 

@@ -51,7 +51,7 @@ static double length_s(const kn_stability_trial *t) { return t->steps * t->def.s
 // Return the depth of the tool's foot below the top at a time, m.
 static double depth_at(const kn_stability_trial *t, double time_s)
 {
-    // The speed limit bounds the depth: the peak speed of the half cosine is pi/2 times its mean.
+    // The peak speed of the half cosine is pi/2 times its mean speed, so the speed limit bounds the depth.
     double whole = length_s(t), fastest = SPEED_MAX * DOWN * whole * 2 / acos(-1.0);
     double depth = fmin(t->depth_m, fastest), above = 0;
     return -above + (depth + above) * (smooth(time_s / (DOWN * whole)) - smooth((time_s / whole - STAY) / (1 - STAY)));
@@ -68,7 +68,8 @@ static kn_input input_at(const kn_stability_trial *t, const kn_model *m, double 
         kn_model_def_extent(&t->def, rest);
         // Choose the load that strains the material, from rest, to the wanted strain within the time of the load.
         double compliance = kn_material_compliance(&t->def.material, LOADED * whole);
-        // A single column of nodes has the cross section of a cell.
+        // The load acts on the cross section of one cell if there is a single column of nodes, otherwise on the whole
+        // top.
         double across = t->def.spacing_m * t->def.spacing_m;
         if (t->def.mesh || t->def.nodes[0] > 1) across = rest[0] * rest[1];
         in.top_load_n = t->strain * across / compliance;

@@ -35,7 +35,8 @@
 // Action of the hand or load on the object.
 // PRESS: the tool goes from the undeformed top down to depth_m, stays, and goes up again, at most at 3 cm/s.
 // JUMP: as PRESS, but during three time steps on the way down the tool's pose is displaced by jump_m.
-// LOAD: a constant force presses on the top of the object during the first half of the trial. NONE: nothing acts on it.
+// LOAD: a constant force presses on the top of the object during the first half of the trial.
+// NONE: nothing acts on the object.
 typedef enum kn_stability_trial_hand {
     KN_STABILITY_TRIAL_HAND_PRESS,
     KN_STABILITY_TRIAL_HAND_JUMP,

@@ -71,8 +71,8 @@ bool kn_sweep_plan_open(kn_sweep_plan *plan, char *error, size_t error_size);
 void kn_sweep_plan_close(kn_sweep_plan *plan);
 
 // Add one point (run to judge) for each combination of values of the axes. Points that are in the plan already are not
-// added again. If the scene does not allow a lattice or a method, add a note instead. strict: an impossible lattice is
-// an error, because the user named the lattices.
+// added again. If the scene does not allow a lattice or a method, add a note instead. strict: the user named the
+// lattices, so an impossible lattice is an error.
 bool kn_sweep_plan_add(kn_sweep_plan *plan, const kn_axes_def *axes, bool strict, char *error, size_t error_size);
 // Add the solver settings that the scene itself contains as a point (run to judge).
 bool kn_sweep_plan_add_own(kn_sweep_plan *plan, char *error, size_t error_size);

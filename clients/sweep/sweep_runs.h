@@ -8,11 +8,11 @@
 //              ID.job                for other processes: the run to play and the name of its trace
 //              log.lcmlog            copy of the log for other hosts
 //
-// Every run is replayed once. A sweep that was killed can be resumed with the next run. Runs are replayed one at a time
-// in this process, where their times are valid. Alternatively GNU parallel replays the runs in several processes here
-// and on other hosts, where the times are not valid. In that case the points (sweep_plan.h) are replayed once more, one
-// at a time, only to measure their times. At the end every point is replayed a second time. The shorter of the two
-// times of each tick counts.
+// Every run is replayed once. With --resume, a sweep that was killed continues with its missing runs. Runs are replayed
+// one at a time in this process, where their times are valid. Alternatively GNU parallel replays the runs in several
+// processes here and on other hosts, where the times are not valid. In that case the points (sweep_plan.h) are replayed
+// once more, one at a time, only to measure their times. At the end every point is replayed a second time. The shorter
+// of the two times of each tick counts.
 #include "clients/sweep/replay_trace.h"
 #include "clients/sweep/sweep_plan.h"
 #include <limits.h>

@@ -131,8 +131,8 @@ static double touched_m2(const kn_probe_def *probe)
 }
 
 // Return the computing cost of the contact of one tool. A plate has to find its nodes and solves a second law for the
-// edges on these nodes. Any other shape has a cost per sample. Friction adds this cost a second time, because each
-// sample searches for its friction cone. Coupling adds this cost once more.
+// edges on these nodes. Any other shape has a cost per sample. Friction adds the cost per sample once more, because
+// each sample must be kept within its friction cone. Coupling also adds the cost per sample once more.
 static kn_tick_cost_part contact(const kn_model *m, int index)
 {
     static const char *const shape[] = {"plate", "ball", "capsule", "box", "cross", "cylinder", "union", "mesh"};

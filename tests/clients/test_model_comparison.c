@@ -137,7 +137,7 @@ TEST("the verdict names a yardstick that fits best, and the thinning element pre
     CHECK_NEAR(number(row, "a"), 0.7, 0.05);
     CHECK_NEAR(number(row, "G") / 2.2e4, 1, 0.02);
     CHECK(row->held < 0.02 && row->runs < 3);
-    CHECK(strstr(verdict(&m), "a yardstick wins") && !strstr(verdict(&m), "none of them is the material"));
+    CHECK(strstr(verdict(&m), "a yardstick wins") && !strstr(verdict(&m), "none of them describes the material"));
     CHECK(thins->held < 0.2 && row_of(&m, "Maxwell unit")->held > 3 * thins->held);
     CHECK(row_of(&m, "two Maxwell units")->held > 2 * thins->held);
 }
@@ -168,7 +168,7 @@ TEST("the verdict says so if no model explains the curve")
     AT_END(kn_curve_free) kn_curve c = muscle(0.0005);
     for (int i = 0; i < c.count; i++) c.value[i] *= 1 + 0.03 * sin(6 * log(c.time_s[i]));
     AT_END(kn_model_comparison_free) kn_model_comparison m = compare(1, &c);
-    CHECK(strstr(verdict(&m), "none of them is the material"));
+    CHECK(strstr(verdict(&m), "none of them describes the material"));
 }
 
 // Check that the curves are refused with these words.
