@@ -60,11 +60,11 @@ void kn_fractional_maxwell_relax(const kn_fractional_maxwell *f, double ramp_s, 
 // densest just after a change of load. A lag is the time between two nodes. The lags and their logarithms are computed
 // once per curve.
 typedef struct kn_superposition {
-    const kn_curve *curve; // whose loads act
+    const kn_curve *curve; // the loads of this curve act on the model
     int nodes;             // number of nodes; 0: the struct has not been prepared
     double *time_s;        // [nodes] times of the nodes; each change of load is a node
-    // private to yardstick_models.c: lag, logarithm of the lag, compliance and integral of the compliance. Each pair of
-    // nodes (n, j) with j < n has one entry, at the index n(n-1)/2 + j.
+    // Private to yardstick_models.c. Each pair of nodes (n, j) with j < n has one entry, at the index n(n-1)/2 + j.
+    // lag_s: time between the two nodes; ln_lag: its logarithm; j: compliance; k: integral of the compliance
     double *lag_s, *ln_lag, *j, *k;
     double *strain, *slope;
 } kn_superposition;

@@ -44,8 +44,8 @@ static int plateau(int count, const double *load, int begin, double tolerance, d
     return i;
 }
 
-// Return whether the reading after reading i confirms its load: both loads differ by at most `tolerance`. The first and
-// the last reading need no confirmation.
+// Return whether the next reading confirms the load of reading i: the two loads differ by at most `tolerance`. The
+// first and the last reading need no confirmation.
 static bool confirmed(int count, const double *load, int i, double tolerance)
 {
     return i == 0 || i + 1 == count || fabs(load[i + 1] - load[i]) <= tolerance;

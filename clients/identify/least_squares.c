@@ -16,8 +16,8 @@ typedef struct search {
     int number[KN_FIT_UNKNOWNS]; // indices of the free unknowns in fit->unknown[]
     int rows;                    // number of residuals: one for each reading, and one for each free unknown
     double x[KN_FIT_UNKNOWNS];   // current point of the search, in the search's variables
-    // residual: [rows] residuals at x; jacobian: stored column by column; spare: scratch of MINPACK. All arrays of this
-    // struct are in one block of memory.
+    // residual: [rows] residuals at x; jacobian: stored column by column; spare: scratch of MINPACK. All pointers from
+    // `residual` on point into one block of memory.
     double *residual, *jacobian, *spare;
     // [rows] residuals at a slightly larger and a slightly smaller value of one unknown, for difference quotients
     double *ahead, *behind;

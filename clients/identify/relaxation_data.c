@@ -58,9 +58,9 @@ bool kn_strain_ramp_of(kn_strain_ramp *r, const kn_curve *c)
     *r = (kn_strain_ramp){.strain = c->other ? held(c) : NAN, .straight = true};
     if (!(r->strain > 0)) return false;
     int low = 0, high = 0, end = 0;
-    // Fit a line to the rise between 10 % and 90 % of the held strain: the readings before the index `high`, from the
-    // index `low` on. If fewer than three readings are in this range, draw the line through the reading before the range
-    // and the reading after it.
+    // Fit a line to the rise between 10 % and 90 % of the held strain: the readings from the index `low` on,
+    // before the index `high`. If fewer than three readings are in this range, draw the line through the reading before
+    // the range and the reading after it.
     while (high < c->count && c->other[high] < 0.9 * r->strain) high++;
     while (end < c->count - 1 && c->other[end] < 0.995 * r->strain) end++;
     for (low = high; low > 0 && c->other[low - 1] > 0.1 * r->strain; low--) continue;

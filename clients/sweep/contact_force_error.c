@@ -39,8 +39,8 @@ double kn_contact_force_error(const kn_replay_trace *a, const kn_replay_trace *b
 
 // ---- shape
 
-// Find the index of the cell that contains the coordinate `place` along one axis. `place` counts node spacings from the
-// first of n nodes. `*in` becomes the position within the cell, 0 to 1.
+// Find the index of the cell that contains the coordinate `place` along one axis. `place` is the distance from the
+// first of the n nodes, in node spacings. `*in` becomes the position within the cell, 0 to 1.
 static int64_t cell_of(double place, int64_t n, double *in)
 {
     int64_t cell = (int64_t)floor(place);

@@ -112,8 +112,8 @@ static int order(const void *a, const void *b)
     return (x->median_us > y->median_us) - (x->median_us < y->median_us);
 }
 
-// Return false if the force of any reference is zero throughout, because the errors of its point are relative to this
-// force.
+// Return false if the force of any reference is zero throughout, because errors are relative to the force of the
+// reference.
 bool kn_pareto_front_make(kn_pareto_front *front, const kn_sweep_plan *plan, const kn_replay_trace *traces)
 {
     memset(front, 0, sizeof *front);

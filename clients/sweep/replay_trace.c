@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-// Mark of the trace format that contains the times of the ticks: "KBDtrace" in the byte order of the file.
+// Magic number at the start of a trace file: "KBDtrace". It marks the version of the format that has tick times.
 #define MAGIC 0x656361727444424bu
 // Largest sizes that are accepted from a file: number of nodes of the largest lattice of core/scene, and number of
 // ticks in 4.6 hours.

@@ -76,8 +76,8 @@ static void bury(const kn_stability_atlas *a, progress *p, int cell, int status)
     atomic_fetch_add(&p->done, 1);
 }
 
-// Watch the processes until the last one has ended. If a process dies, record the death in its cell and start a new
-// process for the remaining cells.
+// Watch the processes until the last one has ended. If a process dies, record the death in the cell whose trial it was
+// running, and start a new process for the remaining cells.
 static void wait_for(const kn_stability_atlas *a, progress *p, pid_t *child, int jobs)
 {
     int status;

@@ -28,8 +28,8 @@ static const double iteration_ns[3][2] = {{100, 190}, {7.2, 18}, {4.3, 11}};
 // Computing time of the edges of one SIMD lane, ns, if each edge is solved separately by Newton's method.
 #define NEWTON_NS 1700.0
 
-// law_share: computing time of each material law, as a fraction of the edge times above. gas_ns, gas_iteration_ns: time
-// that gas adds per SIMD lane, ns, indexed by kn_pressure, per linearisation and per CG iteration.
+// law_share: computing time of each material law, as a fraction of once_ns. gas_ns, gas_iteration_ns: time that gas
+// adds per SIMD lane, ns, per linearisation and per CG iteration; indexed by kn_pressure.
 static const double law_share[] = {
     [KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
 static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
