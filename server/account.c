@@ -134,8 +134,8 @@ static void account_window(kn_account *a, const kn_wake *wake, int64_t execution
     if (a->began_ns && since_ns > 0) take(&a->period_s, 1e-9 * (double)since_ns);
     take(&a->busy_us, 1e-3 * (double)execution_ns);
     a->began_ns = wake->now_ns;
-    // Missed cycles may skip the last tick of a window, so compare the numbers of the windows instead of testing a
-    // remainder.
+    // Missed cycles may skip the last tick of a window, so compare the numbers of the windows (tick / KN_WINDOW_TICKS)
+    // instead of testing a remainder.
     bool whole = (wake->tick + 1) / KN_WINDOW_TICKS != (wake->tick - wake->missed) / KN_WINDOW_TICKS;
     if (!whole && a->windowed) return;
     tell_window(a);
@@ -183,8 +183,8 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     ADD(&a->ticks, 1);
     ADD(&a->missed, wake->missed);
     ADD(&a->unpublished, !published);
-    // Measure the duration of the turn of the servo loop that missed the cycles. The turn began one period before the
-    // first missed deadline.
+    // The last turn of the servo loop ended so late that cycles were missed. Record how long the turn took. It began one
+    // period before the first missed deadline.
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);
     count(a->execution, execution_ns);
@@ -208,7 +208,7 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
         SET(&a->last_errors, GET(&a->last_errors) | KNEAD_STATUS_T_ERROR_PASSIVITY);
     }
     account_trips(a, servo, out);
-    // Date the overrun back to the start of the tick.
+    // The time of an overrun is the start of its tick.
     if (execution_ns > KN_PERIOD_NS) {
         ADD(&a->overruns, 1);
         SET(&a->overrun_us, kn_stamp_us() - (kn_now_ns() - wake->now_ns) / 1000);

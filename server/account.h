@@ -30,7 +30,7 @@ typedef struct kn_account {
     _Atomic int64_t overrun_us; // start of the latest overrun, us since 1970; 0: none
     _Atomic double probe_success[KN_PROBES_MAX];
     _Atomic int64_t trips[KN_TRIPS];
-    _Atomic int64_t audited; // number of seconds judged by the energy audit
+    _Atomic int64_t audited; // number of seconds that the energy audit has checked
     _Atomic double balance_j;
     _Atomic int32_t fault[KN_PROBES_MAX];
     _Atomic int32_t mode;

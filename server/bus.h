@@ -42,8 +42,8 @@ typedef struct kn_datagram_batch { // datagrams that the main thread reads in on
 // `lan` names an interface and ttl must be 1 or more. For any other URL return false and put one line in error.
 bool kn_bus_parse(kn_bus *bus, const char *url, const char *lan, char *error, size_t error_size);
 
-// Return whether the kernel would route the group over the bus's network interface. If not, put one line in error that
-// names the remedy.
+// Return whether the kernel would route the group over the bus's network interface. If not, put one line with the
+// remedy in error.
 bool kn_bus_check_route(const kn_bus *bus, char *error, size_t error_size);
 
 // Claim the bus for this server, because a second server on the bus would answer the same poses. The claim is a lock on

@@ -75,8 +75,8 @@ void kn_clock_sleep(int64_t ns);
 // was.
 int64_t kn_wake_deadline(const kn_wake *wake);
 
-// Return the wake of a thread that began to wait at `asked_ns` and woke at `now_ns`. This function does not sleep;
-// kn_clock_wait calls it after its sleep.
+// Return the wake (tick number and times) of a thread that began to wait at `asked_ns` and woke at `now_ns`. This
+// function does not sleep; kn_clock_wait calls it after its sleep.
 kn_wake kn_clock_wake(kn_clock *clock, int64_t asked_ns, int64_t now_ns);
 
 #endif

@@ -31,7 +31,7 @@ typedef struct peer {
     bool passing;    // true while the rest of a line that was too long is skipped
     size_t length;   // number of bytes in `line` that were read and not served yet
     size_t hastened; // number of bytes in `line` that were already searched for urgent requests
-    json_t *done;    // answer to the urgent requests in `line`, kept until those lines are served in turn; NULL: none
+    json_t *done;    // answer to the urgent requests in `line`; each of them gets this answer in its turn; NULL: none
     int64_t told_ns; // time of the last stderr line about an urgent request
     char line[KN_CONTROL_LINE];
 } peer;
@@ -40,7 +40,7 @@ typedef enum job { JOB_NONE, JOB_GIVEN, JOB_DONE } job;
 
 struct kn_control {
     int fd;
-    struct stat own; // identity of the socket's file, to recognise the file when the server closes it
+    struct stat own; // the socket's file; members of its group may connect, and its inode shows whether it was replaced
     struct sockaddr_un at;
     kn_control_def def;
     peer peers[KN_CONTROL_PEERS];
@@ -329,8 +329,7 @@ static bool is_urgent(const kn_control *c, const char *line, size_t length)
     return urgent;
 }
 
-// Answer an urgent request whose turn has come, but which was already carried out. Return false if the line is not an
-// urgent request.
+// Answer an urgent request that was already carried out, now that its turn has come. Return false for any other line.
 static bool answer_done(const kn_control *c, peer *p, size_t length)
 {
     if (!p->done || length >= p->hastened || !is_urgent(c, p->line, length)) return false;
@@ -355,8 +354,8 @@ static void hear_line(kn_control *c, peer *p, size_t length)
         // the request waits until give() passes it to the worker, or kn_control_drain() refuses it
         p->request = request;
     } else {
-        // This request may have undone an urgent request that was carried out earlier, as `recover` ends an `estop`.
-        // Forget the earlier answer, so that the next urgent line is carried out again.
+        // This request may have undone an urgent request that was carried out earlier; for example, `recover` ends an
+        // `estop`. Forget the earlier answer, so that the next urgent line is carried out again.
         if (c->def.audits(c->def.self, request)) forget_done(p);
         answer(c, p, request, c->def.answer(c->def.self, request));
         json_decref(request);

@@ -173,8 +173,8 @@ static void ask(void *arg)
     ev_async_send(d->ev, &d->asked);
 }
 
-// Keep path and text of the scene to load next. The text is the one that was checked, so a later change of the file has
-// no effect. Runs in the worker thread.
+// Keep the path and the checked text of the scene to load next, so that a later change of the file has no effect. Runs
+// in the worker thread.
 static void load_next(void *arg, const char *path, const kn_scene *scene)
 {
     server *d = arg;
@@ -270,7 +270,7 @@ static void *sentinel_main(void *arg)
     return kn_sentinel_run(&d->sentinel);
 }
 
-// The mesh thread: publish surface meshes, and report once a second what the real-time threads have counted.
+// The mesh thread: publish surface meshes. Once a second, report the counters of the real-time threads.
 static void *mesh_main(void *arg)
 {
     server *d = arg;
@@ -463,8 +463,8 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     return true;
 }
 
-// Start of the stop, ns: time of the first signal, or the end of the previous life (run, see auth.h) if there was no
-// signal. A signal more than PATIENCE_NS later ends the process at once.
+// Time at which the stop began, ns: the first signal, or the end of the previous life (run, see auth.h) if there was no
+// signal. A signal that arrives more than PATIENCE_NS later ends the process at once.
 static int64_t stopping_ns;
 // set by a signal that arrived between the end of one life (run) of the server and the start of the next
 static volatile sig_atomic_t told_to_end;
@@ -512,7 +512,8 @@ static bool stop_threads(server *d)
     if (needs(d, KEEPER)) pthread_join(d->thread[KEEPER], NULL);
     bool kept = kn_keeper_finish(&d->keeper, &d->loop.servo, d->loop.clock.tick);
     pthread_barrier_destroy(&d->go);
-    // Publish the final counters. Then read the remaining datagrams, so that the counts add up.
+    // Publish the status for the last time. Then read the remaining datagrams, so that the totals in the summary count
+    // every datagram.
     tell_status(d);
     for (int i = 0; i < 1000 && (i == 0 || d->batch.count > 0); i++) take_datagrams(d, KN_BATCH);
     return kept;

@@ -37,8 +37,9 @@ typedef struct kn_daemon_def {
 } kn_daemon_def;
 
 // Serve until SIGINT, SIGTERM or SIGHUP. Then the forces ramp to zero, the threads end and a summary is printed. A
-// second signal, more than 0.3 s later, ends the process at once. Return the exit code: 0, 2 for bad input, 3 if the
-// machine refuses. An error is reported in one line.
+// second signal, more than 0.3 s later, ends the process at once. Return the exit code: 0; 2 for bad input; 3 if the
+// machine refuses something that kneadd needs, for example a socket, a thread or memory. An error is reported in one
+// line.
 int kn_daemon_run(const kn_daemon_def *def);
 
 #endif

@@ -210,7 +210,7 @@ static void publish_records(kn_exchange *x)
         if (x->trace) trace_record(x->trace, record, &x->publisher.scene->model);
         if (x->sentinel) kn_sentinel_hear(x->sentinel, &record->wake);
         memcpy(x->force, record->out.force, sizeof x->force);
-        // A session that has sent its last pose and whose force is zero gives up its probe.
+        // If a session has sent its last pose and its force is zero, the session gives up its probe.
         for (int p = 0; p < record->out.probes; p++)
             if (x->force[p].left && kn_receiver_leave(&x->receiver, p, x->force[p].session))
                 kn_loop_post(x->loop, p, NULL);

@@ -186,9 +186,10 @@ static void tell_audit(kn_health_check *c)
 {
     int64_t created = atomic_load_explicit(&c->loop->account.created, memory_order_relaxed);
     if (created != c->created_told)
-        kn_console_err("kneadd: the object created energy in %" PRId64
-                       " audited seconds: it gave off more than it had stored or received, by over %g %% of the work",
-                       created - c->created_told, 100 * KN_AUDIT_SHARE);
+        kn_console_err(
+            "kneadd: the object created energy in %" PRId64
+            " audited seconds: it gave off more than it had stored or received, by more than %g %% of the work",
+            created - c->created_told, 100 * KN_AUDIT_SHARE);
     c->created_told = created;
 }
 
@@ -238,7 +239,7 @@ static void tell_losses(kn_health_check *c)
         kn_console_err("kneadd: circuit lost, %lld times so far: %s%s", (long long)n.reasons, line,
                        n.in_step ? ", and in step again" : "");
     else if (c->lost_told && n.in_step)
-        kn_console_err("kneadd: circuit in step again, loaded %lld times so far", (long long)n.loads);
+        kn_console_err("kneadd: circuit in step again; its state was loaded %lld times so far", (long long)n.loads);
     c->lost_told = (lost || c->lost_told) && !n.in_step;
 }
 
@@ -302,8 +303,8 @@ static void tell_ready(kn_health_check *c, FILE *out)
                 1e-6 * (double)c->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (c->rest_ns > REST_TICK_NS)
             fprintf(out,
-                    "kneadd: expected %g ms at most: the circuit will fall behind, and its twin on the processor gives "
-                    "the forces\n",
+                    "kneadd: expected at most %g ms per tick: the circuit will fall behind, and its twin on the "
+                    "processor gives the forces\n",
                     1e-6 * REST_TICK_NS);
     } else if (c->rest_ns > REST_TICK_NS)
         fprintf(
@@ -347,8 +348,8 @@ static void tell_summary(kn_health_check *c, FILE *out)
     const kn_sentinel *s = c->exchange->sentinel;
     fprintf(out,
             "kneadd: woken 1 ms late or more %" PRId64 " times (stalls explain %" PRId64
-            "), 0.5 ms late or more %" PRId64 " times (%" PRId64 "); the sentinel so late %" PRId64 " and %" PRId64
-            " times in %" PRId64 " wakes\n",
+            "), 0.5 ms late or more %" PRId64 " times (%" PRId64 "); the sentinel was that late in %" PRId64
+            " and %" PRId64 " of %" PRId64 " wakes\n",
             s->whole.count, s->whole.explained, s->half.count, s->half.explained, s->later, s->late, s->wakes);
     fprintf(out, "kneadd: %" PRId64 " datagrams: %" PRId64 " accepted", r->received, r->accepted);
     for (int i = 0; i < KN_REJECT_COUNT; i++)

@@ -27,16 +27,16 @@ static const char usage[] =
     "  --phase MODE      lock: ticks follow the poses of the first engaged tool, and a pose waits only tens of us;\n"
     "                    free: ticks do not follow the poses (default: lock)\n"
     "  --backend WHERE   step the lattice on the processor or on a circuit. cpu: the processor, as the scene says;\n"
-    "                    fixed: the processor, in the integers of the circuit in hdl; uart:/dev/ttyUSB0?baud=3000000,\n"
-    "                    pty:PATH, pcie:0000:01:00.0, shm:NAME: that circuit, in step with its twin on the processor,\n"
-    "                    which continues with the same bits if the circuit is lost (default: cpu)\n"
+    "                    fixed: the processor, with the integer arithmetic of the circuit in hdl. A circuit:\n"
+    "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0 or shm:NAME; if it is lost, its\n"
+    "                    twin on the processor continues with the same bits (default: cpu)\n"
     "  --local-model     publish a local contact model of every tool as KNEAD_CONTACT_<probe>, for clients behind a\n"
     "                    slow link\n"
     "  --touch           publish touch patches of every tool as KNEAD_TOUCH_<probe>, 250 Hz, for fingertip displays\n"
     "  --control PATH    open a control socket at PATH for knead ctl: status, reset, snapshot, undo, set, load, estop\n"
     "                    and others\n"
-    "  --state-dir DIR   save the object in DIR, at most every 0.5 s, and start with the newest snapshot that fits;\n"
-    "                    an emergency stop then also outlasts a restart (default: save and restore nothing)\n"
+    "  --state-dir DIR   save the object in DIR, at most every 0.5 s, and start with the newest snapshot of\n"
+    "                    the scene; an emergency stop then also outlasts a restart (default: no saving, no restoring)\n"
     "  --trace FILE      write a CSV row per tick and probe: when the pose arrived, the tick began, the lattice was\n"
     "                    stepped and the force was ready\n"
     "  --key FILE        accept only poses signed with this key (64 hexadecimal digits, mode 0600); sign forces, too\n"
@@ -46,7 +46,8 @@ static const char usage[] =
     "                    an address can be forged\n"
     "  --help, --version\n"
     "\n"
-    "SIGINT or SIGTERM: forces go to zero, then exit 0. Exit codes: 2 bad input, 3 the machine refuses.\n";
+    "SIGINT or SIGTERM: forces go to zero, then exit 0.\n"
+    "Exit codes: 2 bad input, 3 the machine refuses something that kneadd needs.\n";
 
 typedef struct options {
     kn_daemon_def def;

@@ -229,7 +229,8 @@ static const char *see_tick(kn_log_summary *s, int64_t tick, int64_t missed, int
         s->before_tick = tick - 1;
         s->origin_utime = utime - 1000 * tick;
     }
-    // the records of the first tick tell how many cycles were missed before this tick, and so which tick ran before
+    // the records of first_tick hold the number of cycles missed just before it; subtract these cycles to find
+    // before_tick, the last tick that ran
     if (missed > KN_LOG_PAUSE_MS) missed = KN_LOG_PAUSE_MS;
     if (tick == s->first_tick && tick - 1 - missed < s->before_tick) s->before_tick = tick - 1 - missed;
     if (tick - s->first_tick > span_ms(s)) return "more than an hour without records";
@@ -277,8 +278,8 @@ static const char *note(kn_log_summary *s, const kn_log_record *record)
 {
     bool first = s->first_tick < 0;
     const char *ends = NULL;
-    // Check the log times of the records only until the first tick. From then on the tick numbers count, because a
-    // suspended machine runs no ticks while its clock goes on.
+    // Check the log times of the records only until the first record with a tick number. From then on see_tick() checks
+    // the tick numbers instead, because a suspended machine runs no ticks while its clock goes on.
     if (first && s->records > 0 && llabs(record->utime - s->first_utime) > 1000 * span_ms(s))
         return "more than an hour without records";
     s->own_records += record->kind == KN_LOG_POSE || record->kind == KN_LOG_FORCE || record->kind == KN_LOG_EVENT ||

@@ -101,11 +101,11 @@ typedef struct kn_log_initial {
 } kn_log_initial;
 
 typedef struct kn_log_summary {
-    knead_event_t *events; // [event_count] events, in the order of the log
+    knead_event_t *events; // array of event_count events, in the order of the log
     size_t event_count, event_capacity;
     char *scene_name, *scene_text; // name and text of the first scene in the log; NULL: none
     uint64_t scene_hash;
-    kn_log_scene *others; // [other_count] later scenes, which result from settings made at run time
+    kn_log_scene *others; // array of other_count later scenes, which result from settings made at run time
     size_t other_count;
     int64_t forces, records, malformed;
     int64_t own_records;                 // number of poses, forces, events and scenes among the records

@@ -23,7 +23,7 @@ typedef struct kn_replay_private { // internal data of a replay; named `v` in th
     kn_log_record record;
     bool held; // true if `record` was read ahead and is not used yet
     kn_receiver receiver;
-    kn_pose *poses[KN_PROBES_MAX]; // [POSES] remembered poses; pose number seq is at index seq % POSES
+    kn_pose *poses[KN_PROBES_MAX]; // arrays of POSES remembered poses; the pose number seq is at index seq % POSES
 
     kn_log_summary found; // summary of the log, made by the first reading
     size_t next_event;    // index in found.events of the next event to apply
@@ -545,7 +545,7 @@ static void apply_set(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
 {
     reading *v = r->private;
     char why[300] = "its scene is not in the log";
-    // the hash comes in two halves, since a double holds 53 bits
+    // the event holds the 64-bit hash in two halves, because a double holds only 53 bits
     double high = e->arg[0], low = e->arg[1];
     bool is_hash = high >= 0 && high <= UINT32_MAX && low >= 0 && low <= UINT32_MAX;
     uint64_t hash = is_hash ? (uint64_t)high << 32 | (uint64_t)low : 0;
@@ -728,8 +728,8 @@ static bool step_by_time(kn_replay *r)
     return true;
 }
 
-// Count the ticks in which a tool presses the object outside the reach that the scene gives its probe. In a block of
-// two resolutions, the cells outside the reach are coarse. The position of a tool that touches nothing does not matter.
+// Count the ticks in which a tool presses the object outside the reach that the scene gives the tool's probe. In a
+// block of two resolutions, the cells outside the reach are coarse. A tool that touches nothing is not counted.
 static void look_outside(kn_replay *r)
 {
     double most_m = 1e-6; // ignore distances up to 1 um, which are rounding errors

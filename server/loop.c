@@ -117,7 +117,8 @@ static void read_input(kn_loop *loop, turn *t)
 
 // --- publish ---
 
-// The servo has adopted a change of the scene. Continue with the energy audit and the time budget of the changed scene.
+// The servo has adopted a change of the scene. From now on use the energy audit and the time budget of the changed
+// scene.
 static void adopt_change(kn_loop *loop, kn_scene_change *change)
 {
     if (loop->audit && change->audit) kn_audit_follow(change->audit, loop->audit);
@@ -129,7 +130,8 @@ static void adopt_change(kn_loop *loop, kn_scene_change *change)
 // Adapt the deadline to the speed of the processor; see KN_LOOP_SLOW_STEPS in loop.h.
 static void adapt_deadline(kn_loop *loop, int64_t units)
 {
-    // A step that used less than half of its units of work says little about the time of a unit.
+    // Skip a step that used less than half of the deadline's units. From so short a step, the time of one unit cannot
+    // be computed well.
     if (loop->deadline <= 0 || 2 * units < loop->deadline) return;
     const double share = (double)loop->execution_ns / (1e9 * loop->servo.scene->budget_s);
     loop->slow_steps = share > KN_LOOP_SLOW_SHARE ? loop->slow_steps + 1 : 0;
@@ -152,8 +154,8 @@ static void adapt_deadline(kn_loop *loop, int64_t units)
 static void publish(kn_loop *loop, turn *t)
 {
     kn_tick_record *record = &t->record;
-    // End the loop after the tick that has brought every gain to zero, or KN_LOOP_STOP_TICKS ticks after the stop was
-    // requested.
+    // End the loop after the first tick in which every gain is zero (the forces have faded), or KN_LOOP_STOP_TICKS
+    // ticks after the stop was requested.
     if (!t->in.stop) loop->running_tick = t->wake->tick;
     t->last = record->out.stopped || t->wake->tick - loop->running_tick > KN_LOOP_STOP_TICKS;
     record->utime = kn_stamp_us();

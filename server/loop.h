@@ -30,7 +30,7 @@ typedef struct kn_tick_record { // result and times of one tick, for the publish
     int64_t utime;                    // us since 1970, when the forces were ready
     int64_t execution_ns;             // time from the start of the tick until the forces were ready, ns
     int64_t guarded_ns;               // time at which the servo had computed the tick's result (CLOCK_MONOTONIC, ns)
-    int64_t posted_ns[KN_PROBES_MAX]; // time at which the pose that the tick used arrived, for each probe
+    int64_t posted_ns[KN_PROBES_MAX]; // for each probe: arrival time of the pose that the tick used
     // Result of the tick; must be the last member, because its contacts at the end are queued only if out.local is
     // true.
     kn_tick_out out;
@@ -47,7 +47,7 @@ typedef struct kn_touch_patch { // touch patch of one probe with a session
 typedef struct kn_posted_pose { // content of a pose mailbox
     kn_pose pose;
     int64_t posted_ns; // arrival time of this pose
-    int64_t before_ns; // arrival time of the pose before this one
+    int64_t before_ns; // arrival time of the probe's previous pose
 } kn_posted_pose;
 
 typedef struct kn_loop {
@@ -103,9 +103,9 @@ void kn_loop_start(kn_loop *loop, int64_t start_ns);
 // least half of the deadline's units. The deadline is reduced, at most to half, after KN_LOOP_SLOW_STEPS long steps in
 // a row whose ticks took more than KN_LOOP_SLOW_SHARE of the time budget. The deadline is raised by an eighth, up to
 // its measured value (loop->measured_deadline), after KN_LOOP_FAST_STEPS long steps in a row whose ticks took less than
-// KN_LOOP_FAST_SHARE. A step that uses the measured deadline takes KN_STEP_SHARE of the budget. A step that uses an
-// eighth less takes less than KN_LOOP_FAST_SHARE, so the deadline can return to its measured value. Each change is an
-// event in the log, so that a replay gives the same bits.
+// KN_LOOP_FAST_SHARE. A step that uses the measured deadline takes KN_STEP_SHARE of the budget. A step with an eighth
+// fewer units takes less than KN_LOOP_FAST_SHARE, so a reduced deadline can rise to its measured value again. Each
+// change is an event in the log, so that a replay gives the same bits.
 #define KN_LOOP_SLOW_STEPS 3
 #define KN_LOOP_SLOW_SHARE 0.85
 #define KN_LOOP_FAST_STEPS 1000

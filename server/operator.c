@@ -47,7 +47,7 @@ static json_t *histogram(const int64_t count[KN_HISTOGRAM])
     json_t *object = json_object();
     int64_t all = 0;
     for (int i = 0; i < KN_HISTOGRAM; i++) all += count[i];
-    // go up the buckets until they hold the wanted share of all counts
+    // add up the buckets until their sum reaches the wanted share of all counts
     for (size_t w = 0; w < sizeof wanted / sizeof *wanted; w++) {
         int64_t least = (int64_t)ceil(wanted[w].share * (double)all), seen = 0;
         int bucket = 0;
@@ -227,7 +227,7 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
 
 static const char ending[] = "the server is stopping: no more ticks run";
 
-// Ask the main thread for a health report, wait for it and answer with it.
+// Ask the main thread for a health report, wait for the report, and answer with its content.
 static json_t *tell_status(kn_operator *o)
 {
     bool fresh = false;
@@ -250,12 +250,13 @@ static json_t *order(kn_operator *o, kn_order kind, kn_quality quality)
 {
     int64_t tick, number = kn_orders_give(&o->on.loop->orders, kind, quality);
     for (int i = 0; i < 2 * PATIENCE_MS; i++) {
-        // read `done` first: if it is set and no tick has taken the order, no tick ever will
+        // read `done` before looking for the tick: if the loop has ended and no tick has taken the order, no tick ever
+        // will
         bool done = atomic_load(&o->on.loop->done);
         if (kn_orders_obeyed(&o->on.loop->orders, number, &tick))
             return json_pack("{s:b, s:I}", "ok", 1, "tick", (json_int_t)tick);
-        // If the loop ended before a tick took an emergency stop, the stop comes into force at the next start. This
-        // holds if kneadd starts again by itself, or if the stop is kept on disk.
+        // If the loop ended before a tick took an emergency stop, the stop comes into force at the next start, provided
+        // that kneadd starts again by itself or keeps the stop on disk.
         if (done && kind == KN_ORDER_ESTOP && (o->on.goes_on(o->on.arg) || o->on.keeper->store.dir >= 0))
             return json_pack("{s:b}", "ok", 1);
         if (done) return kn_control_error("%s", ending);
@@ -378,7 +379,7 @@ static const char *retire(kn_operator *o)
     return NULL;
 }
 
-// Return whether the settings change only limits of the hand, and nothing that affects the physics.
+// Return true if the settings affect only safety limits of the hand, and nothing in the physics.
 static bool only_limits(const kn_operator *o, const json_t *values, const kn_scene_change *change)
 {
     const kn_device_def *now = o->now ? &o->now->scene->device : &o->on.served->scene->device,
@@ -480,7 +481,7 @@ static json_t *set(kn_operator *o, const json_t *argument)
     pthread_mutex_lock(&o->setting);
     o->settings = change->settings;
     pthread_mutex_unlock(&o->setting);
-    // from here on the change counts as made, even if no tick takes it in time
+    // o->now is this change from here on, even if no tick takes the change within PATIENCE_MS
     o->ordered = kn_orders_give(&o->on.loop->orders, KN_ORDER_CHANGE, 0);
     if (!kn_orders_await(&o->on.loop->orders, o->ordered, PATIENCE_MS, &tick))
         return kn_control_error("set: no tick ran for %d ms; the next tick applies the change", PATIENCE_MS);

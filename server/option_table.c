@@ -182,8 +182,8 @@ void kn_message_print(const char *program, bool always_named, const char *format
 {
     char text[16384]; // room for a value as long as four file paths
     vsnprintf(text, sizeof text, format, args);
-    // Print a message that begins with a place in a file without a prefix, so that the place stays at the beginning of
-    // the line.
+    // If the message begins with a place in a file, print no prefix, so that the place stays at the beginning of the
+    // line.
     if (!always_named && has_place(text)) fprintf(stderr, "%s\n", text);
     else fprintf(stderr, "%s: %s\n", program, text);
 }

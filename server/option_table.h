@@ -27,9 +27,9 @@
 
 typedef enum kn_option_kind { // type of an option's field in the struct, and values that the option accepts
     KN_OPTION_FLAG,           // bool: true if the option is given; it has no value
-    KN_OPTION_SET,            // int: becomes `least`; the option has no value
-    KN_OPTION_CALL,           // no field: calls `call`; the option has no value
-    KN_OPTION_ANSWER,         // no field: calls `call`, which prints an answer, and ends with exit code 0; no value
+    KN_OPTION_SET,            // int: set to `least`; the option has no value
+    KN_OPTION_CALL,           // no field: the function `call` is called; the option has no value
+    KN_OPTION_ANSWER,         // no field: `call` prints an answer, then the program ends with exit code 0; no value
     KN_OPTION_TEXT,           // const char *: the text itself, never empty if `expected` is set
     KN_OPTION_NUMBER,         // double: a number without unit, as in a scene (kn_number_take)
     KN_OPTION_REAL,           // double: a number that strtod accepts
@@ -62,7 +62,7 @@ typedef struct kn_option {
     // Not 0: the option takes a list of at most `items` values, separated by commas. The field is then an array: of int
     // for INTEGER and CHOICE, otherwise of double.
     int items;
-    // LIST, or with `items`: offset in bytes of an int that receives the number of values.
+    // For a LIST, or if `items` is not 0: offset in bytes of an int that receives the number of values.
     size_t count;
     // LIST: return the text to store instead of `text`, or NULL if `text` is invalid.
     const char *(*map)(const char *text);

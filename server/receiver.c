@@ -11,11 +11,12 @@
 // and a larger error means that q is no rotation
 #define QUATERNION_BOUND 1e-3
 #define WORKSPACE_M 1.0 // largest distance of a valid pose from the origin, m; no haptic device reaches further
-// largest speed of a valid pose, m/s; no hand on a device is faster; above the scene's brake speed the hand feels only
-// damping
+// largest speed of a valid pose, m/s; no hand on a device is faster. A scene's brake speed, above which the hand feels
+// only damping, is at most this speed.
 #define SPEED_MAX_M_S 5.0
-#define SPEED_WINDOW_US                                                                                                \
-    1000 // us, one tick: the servo reads one pose per ms, so a distance below 5 mm is no jump, at any time stamps
+// shortest time over which a speed is measured, us: one tick. So a move of less than 5 mm is never a jump, whatever the
+// time stamps are.
+#define SPEED_WINDOW_US 1000
 #define SILENCE_NS 1000000000 // time without poses after which a session ends, ns
 #define LATE_NS 1000000       // delay from which a pose counts as late, ns: one tick
 #define HELLO_NS 100000       // shortest time between two answers to hello messages, ns

@@ -44,7 +44,8 @@ bool kn_settings_add(kn_settings *settings, const char *set, char *error, int er
     int count = kn_settings_list(settings, room, list), kept = 0;
     for (int i = 0; i < count; i++) {
         if (strncmp(list[i], set, key) == 0) continue;
-        at += (size_t)sprintf(more.text + at, "%s\n", list[i]); // the line fits, because the text does not get longer
+        // the kept lines fit, because they come from a text of the same size
+        at += (size_t)sprintf(more.text + at, "%s\n", list[i]);
         kept++;
     }
     if (kept == KN_SETTINGS_MAX || at + strlen(set) + 2 > sizeof more.text) {

@@ -104,7 +104,7 @@ static bool place(kn_served_object *s, const kn_served_object_def *def, size_t r
     return kn_refuse(error, error_size, "%s%s%s", device ? "" : def->scene_path, device ? "" : ": ", why);
 }
 
-// Build scene, model, backend and audit, and check at each stage that the next one fits into memory.
+// Build scene, model, backend and audit. Before the model and the backend are built, check that they fit into memory.
 static bool build(kn_served_object *s, const kn_served_object_def *def, int *code, char *error, size_t error_size)
 {
     if (!load_scene(s, def, error, error_size)) return false;
@@ -160,8 +160,7 @@ static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_ou
     return kn_rt_clock_ns(clock) - from_ns;
 }
 
-// Measure a few ticks and take the shortest, because delays caused by other processes say nothing about the scene. Stop
-// after 20 ms.
+// Measure a few ticks and take the shortest, because other processes can only lengthen a tick. Stop after 20 ms.
 int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
 {
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits

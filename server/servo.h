@@ -53,8 +53,8 @@ typedef struct kn_clutch {
 // An overload is a run of at least KN_OVER_TICKS ticks, each above 1 ms, that together took this long, ns.
 #define KN_OVERLOAD_NS INT64_C(100000000)
 
-// Fraction of the scene's time budget (budget_s) that a step may take. The rest is for work that the units of a
-// deadline (core/solve/step_effort.h) do not count, and for delays by a busy hyperthread.
+// Fraction of the scene's time budget (budget_s) that a step may take. The rest is for work that is not counted in
+// units of work (core/solve/step_effort.h), and for delays by a busy hyperthread.
 #define KN_STEP_SHARE 0.7
 
 // Reason why a tick changes to another quality point (a solver effort that the scene names).

@@ -8,9 +8,9 @@
 #include <stddef.h>
 #include <string.h>
 
-// Distance from the object above which a tool counts as lifted, m. When poses stop, the servo moves a plate on for
-// hold_ms (3 ms), and the dough stays where the plate pushed it. When poses come back, a small gap is left between the
-// dough and the tool, although the hand never moved the tool. This gap must not count as lifting.
+// Distance from the object above which a tool counts as lifted, m. When poses stop, the servo moves the tool on for
+// hold_ms (3 ms), and the object stays where the tool pushed it. When poses come back, a small gap is left between the
+// object and the tool, although the hand never moved the tool. This gap must not count as lifting.
 #define LIFTED_M 5e-4
 
 // Read the pose and session of a probe, and fill the input of its safety watch.

@@ -24,15 +24,15 @@ typedef struct kn_skin_frame { // copy of the object's skin that the servo hands
     int32_t generation;
     const kn_model *model; // model to which `state` belongs
     kn_state *state;       // state of the object; NULL: nothing is measured
-    float xyz_m[];         // [vertex_count][3] positions of the vertices, m
+    float xyz_m[];         // array [vertex_count][3]: positions of the vertices, m
 } kn_skin_frame;
 
 typedef struct kn_skin_gauge { // measures (stress, residual strain) of the latest frame, for the mesh thread
     kn_gauge *gauge;
     const kn_model *model; // model for which the gauge was created
-    // [node_count] value of each measure at each node; NULL: the scene does not ask for the measure.
+    // Arrays [node_count]: value of each measure at each node; NULL: the scene does not ask for the measure.
     double *node_value[KN_MEASURES];
-    float *vertex_value[KN_MEASURES]; // [vertex_count] value of each measure at each vertex
+    float *vertex_value[KN_MEASURES]; // arrays [vertex_count]: value of each measure at each vertex
     double *memory;
 } kn_skin_gauge;
 

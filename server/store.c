@@ -157,7 +157,7 @@ static void keep(kn_store *s, int64_t generation)
     char name[256];
     kn_kept_file *kept = s->kept;
     if (s->kept_count == KN_STORE_KEPT) {
-        // index of the oldest file that is not pinned; such a file exists, because fewer files can be pinned than kept
+        // index of the oldest file that is not pinned; such a file exists, because KN_STORE_PINS is below KN_STORE_KEPT
         int oldest = 0;
         while (pinned(s, kept[oldest].generation)) oldest++;
         file_name(kept[oldest].series, kept[oldest].generation, name);

@@ -67,7 +67,7 @@ typedef struct kn_store {
 // Open and lock a directory. The directory must belong to the user of this process, and must not be writable by
 // everybody. Remove the remains of an interrupted save, and the oldest generations. Borrows path, scene and model.
 // Return 0 on success. Otherwise put one line in error and return an exit code: 2 if the directory does not exist or is
-// not suitable, 3 if another daemon uses it or the machine refuses.
+// not suitable, 3 if another daemon uses it, if memory is short or if a system call fails.
 int kn_store_open(kn_store *store, const char *path, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size);
 void kn_store_close(kn_store *store); // a store that was never opened is allowed if its dir is -1
@@ -88,9 +88,10 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
 void kn_store_pin(kn_store *store, int64_t generation);
 
 // Load the newest snapshot that fits the scene and model of saved->servo. `saved`: prepared as for kn_saved_decode.
-// `generation`: load only this one; 0: the newest. `told`: receives one line for each newer snapshot that was refused;
-// may be NULL. `name`: receives the file name, 256 bytes. Return false if no snapshot fits; `why` is then the reason
-// why the last snapshot was refused, or "none" if there was no snapshot at all. Another thread may be saving.
+// `generation`: load only the snapshot of this generation; 0: the newest. `told`: receives one line for each newer
+// snapshot that was refused; may be NULL. `name`: receives the file name, 256 bytes. Return false if no snapshot fits;
+// `why` is then the reason why the last snapshot was refused, or "none" if there was no snapshot at all. Another thread
+// may be saving.
 bool kn_store_load(const kn_store *store, int64_t generation, kn_saved *saved, char *name, FILE *told, char *why,
                    size_t why_size);
 

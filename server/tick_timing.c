@@ -80,8 +80,8 @@ static void take_wait(kn_phase *phase, int64_t ns)
     judge_margin(phase, wait_ns);
 }
 
-// Return the shift of the grid that brings the centre to the margin, at most KN_PHASE_SLEW_NS. Also watch for a session
-// that runs away.
+// Return the shift of the grid that brings the centre to the margin, at most KN_PHASE_SLEW_NS. Set phase->lost if the
+// session has moved the grid too far (see KN_PHASE_RUN_NS).
 static int64_t move_grid(kn_phase *phase)
 {
     int64_t move_ns = llrint(clamp(wrap(phase->margin_ns - phase->centre_ns), KN_PHASE_SLEW_NS));

@@ -42,15 +42,16 @@
 // Share of the poses that may arrive after their tick has begun, while ticks do not wait for late poses. Such a pose
 // waits for the next tick.
 #define KN_PHASE_LATE 0.004
-// Share of the poses that may arrive late, while ticks wait for late poses. This share is larger, because waiting for a
-// few late poses delays fewer poses than a larger margin.
+// Share of the poses that may arrive late, while ticks wait for late poses. This share is larger, because a wait for a
+// late pose delays a few poses, but a larger margin would delay all poses.
 #define KN_PHASE_LATE_HELD 0.2
 // Longest time that a tick waits for a late pose, ns; the wait is also limited to a third of the last tick's unused
 // time.
 #define KN_PHASE_HOLD_NS 300000
 #define KN_PHASE_STEADY 4 // score from which poses count as steady; each tick with a new pose adds 1 to the score
-#define KN_PHASE_STEADY_LOSS                                                                                           \
-    2 // score lost by a tick without a new pose: 500 Hz counts as unsteady, 1 kHz with a fifth of poses lost as steady
+// Score lost by a tick without a new pose. Poses at 500 Hz then count as unsteady, and poses at 1 kHz count as steady
+// even if a fifth of them is lost.
+#define KN_PHASE_STEADY_LOSS 2
 #define KN_PHASE_STEADY_MAX 12 // largest score; when poses stop, at most five ticks wait for a pose in vain
 // A session runs away when it moves the grid by more than KN_PHASE_RUN_NS in KN_PHASE_RUN_TICKS poses. The limit is
 // half a period for the first approach, plus 500 ppm of KN_PHASE_RUN_TICKS periods. No clock crystal is wrong by 500
@@ -62,7 +63,8 @@
 // Largest margin, ns; a larger margin would delay all poses more than it helps the late poses.
 #define KN_PHASE_MARGIN_MAX 200000
 // Poses become rhythmic when their spread (mean distance from the centre) falls below KN_PHASE_LOCK_NS. They remain
-// rhythmic until their spread exceeds KN_PHASE_LOSE_NS. Random arrivals have a spread of 0.25 ms.
+// rhythmic until their spread exceeds KN_PHASE_LOSE_NS. Random arrivals have a spread of 0.25 ms, far above both
+// limits.
 #define KN_PHASE_LOCK_NS 100000
 #define KN_PHASE_LOSE_NS 150000
 
@@ -113,7 +115,8 @@ int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, co
 // is therefore not a stall, and cycles missed after a tick that overran are never explained by a stall.
 
 #define KN_SENTINEL_OFFSET_NS (KN_PERIOD_NS / 2) // delay of the sentinel's tick grid behind the servo's grid, ns
-// A wake of the sentinel that is later than this counts as a stall, ns; on an idle core a thread wakes within 20-60 us.
+// If the sentinel wakes later than this after its deadline, the machine has stalled, ns. On an idle core a thread wakes
+// within 20-60 us.
 #define KN_SENTINEL_STALL_NS 100000
 // Largest time between a stall and a missed cycle that the stall still explains, ns.
 #define KN_SENTINEL_MARGIN_NS 2000000

@@ -29,7 +29,7 @@ void kn_wire_scene(knead_scene_t *message, const kn_scene *scene, uint64_t initi
 // contact model checks the content.
 void kn_wire_unit(kn_contact_unit *unit, const knead_contact_model_t *message);
 
-// Return whether the strings of an encoded scene_t have the lengths that the bytes give for them. The generated decoder
+// Return whether the bytes are an encoded scene_t whose string lengths fit into `size` bytes. The generated decoder
 // trusts these lengths and crashes on a negative one. Call this function before decoding a scene in every program that
 // receives from a bus or reads a log.
 bool kn_wire_scene_fits(const void *data, size_t size);
