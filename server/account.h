@@ -55,7 +55,7 @@ void kn_account_init(kn_account *a);
 void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in, const kn_tick_out *out,
                      const kn_wake *wake, int64_t execution_ns, bool published);
 
-// Fill in the message fields that kn_account counts, and leave all other fields alone.
+// Fill in the message fields whose values kn_account keeps, and leave all other fields alone.
 void kn_account_status(const kn_account *a, knead_status_t *status);
 void kn_account_health(const kn_account *a, knead_health_t *health);
 

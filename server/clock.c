@@ -24,7 +24,7 @@ int64_t kn_wall_us(void)
 
 int64_t kn_stamp_us(void)
 {
-    static _Atomic int64_t start_us; // difference of the wall clock and the monotonic clock, us; 0: not measured yet
+    static _Atomic int64_t start_us; // wall clock minus monotonic clock, us; 0: not measured yet
     int64_t now_us = kn_now_ns() / 1000, at_us = atomic_load_explicit(&start_us, memory_order_relaxed);
     if (handed) return now_us;
     // Two threads may measure the offset at once. The first thread to store the offset wins, and the other takes the

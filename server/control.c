@@ -362,7 +362,7 @@ static void hear_line(kn_control *c, peer *p, size_t length)
     }
 }
 
-// Carry out an urgent request and keep its answer. Log it at most KN_CONTROL_HZ times a second.
+// Carry out an urgent request and keep its answer. Log urgent requests at most KN_CONTROL_HZ times a second.
 static void do_urgent(kn_control *c, peer *p, const json_t *request)
 {
     int64_t now_ns = kn_now_ns();

@@ -218,7 +218,7 @@ static void tell_quality(kn_health_check *c)
     if (now != c->quality_told && now == asked) kn_console_err("kneadd: quality %s -> %s, as commanded", before, name);
     else if (now != c->quality_told)
         kn_console_err(
-            "kneadd: quality %s -> %s: %d consecutive ticks took more than %g ms; 'knead ctl quality %s' goes back",
+            "kneadd: quality %s -> %s: %d consecutive ticks took more than %g ms; 'knead ctl quality %s' switches back",
             before, name, KN_OVER_TICKS, budget_ms, kn_quality_name(asked));
     if (exhausted && !c->exhausted_told)
         kn_console_err("kneadd: %d consecutive ticks took more than %g ms; the scene has no quality point below %s",

@@ -26,7 +26,7 @@ static const char usage[] =
     "                    what it refuses; require: exit 3 if it refuses any; off: request neither (default: auto)\n"
     "  --phase MODE      lock: ticks follow the poses of the first engaged tool, and a pose waits only tens of us;\n"
     "                    free: ticks do not follow the poses (default: lock)\n"
-    "  --backend WHERE   step the lattice on the processor or on a circuit. cpu: the processor, as the scene says;\n"
+    "  --backend WHERE   step the lattice on the processor or on a circuit. cpu: the processor, the scene's solver;\n"
     "                    fixed: the processor, with the integer arithmetic of the circuit in hdl. A circuit:\n"
     "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0 or shm:NAME; if it is lost, its\n"
     "                    twin on the processor continues with the same bits (default: cpu)\n"

@@ -274,7 +274,7 @@ bool kn_loop_tick(kn_loop *loop, const kn_wake *wake)
 // --- wait ---
 
 // Wait a short time for a late pose, so that the pose does not have to wait for the next tick. Do not wait after missed
-// cycles. Wait at most a third of the part of the period that the last tick did not use.
+// cycles. Wait for at most a third of the time that the last tick left unused in its period.
 static void await_pose(kn_loop *loop, kn_wake *wake)
 {
     int probe = loop->free || wake->missed ? -1 : kn_phase_awaits(&loop->phase);

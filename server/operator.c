@@ -386,7 +386,8 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_sce
                         *next = &change->scene->device;
     const json_t *value;
     size_t i;
-    // a new virtual coupling of the device is more than a limit, because the coupling affects the physics
+    // a change of the device's virtual coupling is more than a change of a limit, because the coupling affects the
+    // physics
     json_array_foreach(values, i, value) if (strncmp(json_string_value(value), "device", 6) != 0) return false;
     return next->coupling_n_m == now->coupling_n_m && next->coupling_n_s_m == now->coupling_n_s_m;
 }

@@ -11,8 +11,8 @@
 // and a larger error means that q is no rotation
 #define QUATERNION_BOUND 1e-3
 #define WORKSPACE_M 1.0 // largest distance of a valid pose from the origin, m; no haptic device reaches further
-// largest speed of a valid pose, m/s; no hand on a device is faster. A scene's brake speed, above which the hand feels
-// only damping, is at most this speed.
+// largest speed of a valid pose, m/s; no hand on a device is faster. The brake speed of a scene, above which the hand
+// feels only damping, is at most this speed, so no contact force is lost.
 #define SPEED_MAX_M_S 5.0
 // shortest time over which a speed is measured, us: one tick. So a move of less than 5 mm is never a jump, whatever the
 // time stamps are.
@@ -189,7 +189,7 @@ static void count_stale(kn_pose_sender *source, const knead_probe_pose_t *m)
     // a newer pose of a session that has left is neither a duplicate nor reordered
     if (m->session != source->last.session || m->seq > source->last.seq) return;
     kn_packets *n = &source->packets;
-    // `seen` has bits for the last 64 numbers; an older pose counts as a duplicate
+    // `seen` has bits for the last 64 pose numbers; an older pose counts as a duplicate
     uint64_t behind = (uint64_t)source->last.seq - (uint64_t)m->seq, bit = behind < 64 ? UINT64_C(1) << behind : 0;
     if (bit == 0 || source->seen & bit) {
         n->duplicate++;
@@ -221,7 +221,7 @@ static void count_new(kn_pose_sender *source, const knead_probe_pose_t *m, int64
         // a new session, or a gap larger than the rate limit allows: the sender has restarted its numbers
         source->seen = 1;
     } else {
-        // lost poses: the numbers left out, except those of poses that arrived and were refused
+        // lost poses: the pose numbers left out, except those of poses that arrived and were refused
         uint64_t come = between < 64 ? source->refused & ((UINT64_C(1) << between) - 1) : source->refused;
         int64_t lost = (int64_t)between - ones(come);
         n->lost += lost;

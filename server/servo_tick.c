@@ -77,7 +77,7 @@ static void judge_time(kn_tick *t)
     if (t->in->take != KN_QUALITY_CAUSE_NONE) {
         kn_orders_take_quality(t, t->in->quality, t->in->take == KN_QUALITY_CAUSE_COMMAND);
     } else if (servo->over == KN_OVER_TICKS && !t->in->stop && has_points(servo->scene)) {
-        // if no lower quality point exists, next_lower() returns the present one; record this only once
+        // if no lower quality point exists, next_lower() returns the present point; record this only once
         kn_quality to = next_lower(servo);
         if (to != servo->quality || !servo->exhausted) kn_orders_take_quality(t, to, false);
     }

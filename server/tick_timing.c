@@ -5,7 +5,8 @@
 // --- phase lock ---
 
 static const double period_ns = KN_PERIOD_NS;
-// When the centre is updated, a pose further away from the centre than this counts as a pose at this distance, ns.
+// Largest distance of a pose from the centre with which the centre is updated, ns; a larger distance is reduced to this
+// value.
 static const double outlier_ns = 100000;
 // the margin is adapted only while centre and margin differ by less than this, ns
 static const double settled_ns = 20000;

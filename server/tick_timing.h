@@ -120,7 +120,7 @@ int64_t kn_phase_tick(kn_phase *phase, const kn_arrival *arrival, int probes, co
 #define KN_SENTINEL_STALL_NS 100000
 // Largest time between a stall and a missed cycle that the stall still explains, ns.
 #define KN_SENTINEL_MARGIN_NS 2000000
-// Lateness from which wakes of the servo and of the sentinel count as late, ns.
+// A wake of the servo or of the sentinel counts as late from this lateness on, ns.
 #define KN_SENTINEL_LATE_NS 500000
 // Number of stalls that are remembered; also the number of late wakes that are remembered.
 #define KN_SENTINEL_RECENT 64
