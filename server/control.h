@@ -43,9 +43,9 @@ typedef struct kn_control_def {
     // Return whether the answer may take longer than a few ticks. A slow request is answered in kn_control_work's
     // thread, and the other peers are served meanwhile. NULL: no request is slow.
     bool (*slow)(void *self, const json_t *request);
-    // Return whether the request is urgent. An urgent request must not be slow: it may take about a tick, plus the time
-    // in which the disk creates an empty file. It must be safe to repeat, because it may be carried out twice. NULL: no
-    // request is urgent.
+    // Return whether the request is urgent. An urgent request must not be slow: it may take about a tick, and the time
+    // in which the disk creates an empty file (the mark of an emergency stop). It must be safe to repeat, because it
+    // may be carried out twice. NULL: no request is urgent.
     bool (*urgent)(void *self, const json_t *request);
 } kn_control_def;
 

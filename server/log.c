@@ -62,7 +62,8 @@ static bool reserve(kn_log *log, size_t size)
     return true;
 }
 
-// Read the next record into the buffer: channel, an added NUL, data. All sizes are checked against the file first.
+// Read the next record into the buffer: channel, an added NUL, data. Before that, check that the record's sizes fit
+// into the file.
 static bool fetch(kn_log *log, kn_log_record *r)
 {
     unsigned char h[HEADER_SIZE];
@@ -103,7 +104,7 @@ static bool fits(const kn_log_record *r, int encoded_size, int64_t hash)
     return kn_auth_fits(r->size, size) && kn_bytes_64(r->data) == hash;
 }
 
-// Decode and check a force record. The checks bound the numbers with which a replay calculates.
+// Decode and check a force record, so that a replay calculates only with numbers in their valid ranges.
 static kn_log_kind read_force(kn_log_record *r)
 {
     int size = knead_contact_force_t_encoded_size(&r->force);
