@@ -13,22 +13,22 @@
     X(completion, "print the bash or zsh completion of knead, kneadd and knead-simdev")                                \
     X(creep, "virtual rheometer: load a specimen, then unload it; height, recovery, residual")                         \
     X(ctl, "control a running kneadd: status, reset, quality, snapshot, restore, undo, estop ...")                     \
-    X(devices, "list haptic devices on this machine: how to use each, what is missing, the fix; --json")               \
-    X(doctor, "check this machine for real time, LCM, devices and wake-up latency; print each fix")                    \
-    X(element, "analyse an element of springs and dampers: the papers' rules, impedance, response")                    \
+    X(devices, "list haptic devices on this machine: how to use each, what is missing and how to fix it; --json")      \
+    X(doctor, "check this machine for real time, LCM, devices and wake-up latency; print a fix for each problem")      \
+    X(element, "analyse an element of springs and dampers: the first paper's rules, impedance, response")              \
     X(export, "export a recording to ParaView, MeshLab and tables: shape, stress, forces over time")                   \
     X(hand, "use a real device on a running kneadd: paddle, SpaceNavigator, Haply; not tested with hardware")          \
     X(identify, "fit material and structure to measured creep, relaxation, sweep or shape, with uncertainty")          \
-    X(latency, "measure the latency from pose to force through LCM and kneadd, and through a bare LCM echo")           \
+    X(latency, "measure the latency from pose to force of kneadd over LCM, and that of a bare LCM echo")               \
     X(mesh, "fill a closed surface (OBJ or STL) with tetrahedra for a scene, or check a mesh")                         \
     X(probe, "virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                  \
     X(relax, "virtual rheometer: compress a specimen and hold it; decay of the stress")                                \
     X(replay, "replay a log through the daemon's servo, bit for bit; CSV, hash, --verify")                             \
-    X(stability, "test the solvers on thousands of extreme small scenes against converged answers")                    \
+    X(stability, "test the solvers on thousands of extreme small scenes against converged solutions")                  \
     X(sweep, "virtual rheometer: oscillate a specimen; storage and loss modulus against frequency")                    \
     X(touch, "show the contact of a tool live: pressures, area, centre, slip; needs kneadd --touch")                   \
     X(tpa, "virtual rheometer: bite twice; hardness, cohesiveness, springiness, resilience")                           \
-    X(tradeoff, "measure speed against accuracy on a recorded press; choose the points fast, balanced, accurate")      \
+    X(tradeoff, "measure speed and accuracy on a recorded press; choose the quality points fast, balanced, accurate")  \
     X(view, "draw an object, live, recorded or at rest, without a screen: --png FILE, --video FILE")                   \
     X(web, "serve a web page with the live object and a tool for the visitor; print its address")                      \
     X(zwidth, "simulate the stiffest wall that a device can render, for several delays and frictions")

@@ -94,8 +94,8 @@ static bool dashed(const kn_table *t, const kn_axes *a, int series, int y)
     return (a->y2 && y == a->y2) || (t->pairs && series % 2);
 }
 
-// Return the line type of a curve. The two curves of a series have the same colour, and so have the two series of a
-// pair. If there is only one series, each of its two curves has its own colour.
+// Return the line type of a curve. If there is only one series, each of its two curves has its own colour.
+// Otherwise the two curves of a series have the same colour, and the two series of a pair have the same colour.
 static int hue(const kn_table *t, const kn_axes *a, int series, int y)
 {
     if (t->series == 1) return 1 + (a->y2 && y == a->y2);

@@ -211,7 +211,7 @@ static void print_cost(const kn_model *model)
 
 // Print how much of its height the object loses under its own weight. The stress used is the mean over a column,
 // because the stress is rho g H at the base and zero at the top. A bonded base multiplies the sag by 0.85, or by 0.58
-// with gas. Both factors were measured on the block of dough.
+// if the object contains gas. Both factors were measured on the block of dough.
 static void print_sag(const kn_model_def *def)
 {
     static const double seconds = 300, earth_m_s2 = 9.81;
@@ -314,10 +314,10 @@ static void print_coupling(const kn_scene *scene)
         printf("; in the scene %g N/m, %g N s/m", d->coupling_n_m, d->coupling_n_s_m);
     printf("\n");
     if (d->force_scale != 1.0)
-        printf("          the hand feels %g times the object's force, which is clamped above %g N\n", d->force_scale,
-               d->force_limit_n / d->force_scale);
+        printf("          the hand feels %g times the object's force; the object's force is clamped at %g N\n",
+               d->force_scale, d->force_limit_n / d->force_scale);
     if (d->hand.stiffness_n_m > bound)
-        warn("this device is stable up to a coupling of %.3g N/m: it will buzz at a wall", bound);
+        warn("the coupling is above %.3g N/m, the limit of stability of this device: it will buzz at a wall", bound);
 }
 
 static void print_device(const kn_scene *scene)
@@ -513,7 +513,7 @@ static int say(const kn_replay_trace *own, const kn_replay_trace *uniform, const
         printf("warning   %s pressed up to %.2g mm outside its reach, for %lld ms in all, where the cells are coarse\n",
                scene->model.probe[t->outside_probe].name, 1e3 * t->outside_m, (long long)t->outside);
     if (keeps) return KN_EXIT_OK;
-    printf("          a larger object.margin, or the probes' whole reach, may help\n");
+    printf("          a larger object.margin may help, or a probes.NAME.reach that contains all places of the probe\n");
     return KN_EXIT_FAILED;
 }
 

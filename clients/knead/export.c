@@ -30,7 +30,7 @@ static const char help[] =
     "                     DIR/edges.pvd has stress, strain and residual strain of every edge\n"
     "  --ply PATH         files for MeshLab and Open3D: the surface with its normals.\n"
     "                     Each vertex has the quantity of --color as a colour and as a number named quality.\n"
-    "                     PATH is a file with --at or --scene, otherwise a folder with one file for each moment\n"
+    "                     With --at or --scene, PATH is a file. Otherwise PATH is a folder with one file per moment\n"
     "  --csv FILE         a table of the exported part of the recording: one row for each tick and live probe.\n"
     "                     The columns are those of knead replay --csv\n\n"
     "  --from S, --to S   part of the recording, in seconds since its first session began (default: all of it)\n"
@@ -411,8 +411,8 @@ static int step_through(run *r, kn_replay *replay)
     kn_progress bar = kn_progress_open("export", fmin((double)replay->tally.ticks_total, fmax(1, 1e3 * end_s)));
     while (code == KN_EXIT_OK && !kn_interrupted && last_s < end_s - KN_REPLAY_HALF_TICK_S && kn_replay_step(replay)) {
         last_s = replay->tick.time_s;
-        // If ticks are missing in the recording, the first tick after the gap may lie beyond the end: stop there. The
-        // export of a single moment uses this tick instead of the missing tick.
+        // If ticks are missing in the recording, the first tick after the gap may be later than --to. Do not export
+        // this tick. With --at, however, export this tick in place of the missing one.
         if (!one && last_s > end_s + KN_REPLAY_HALF_TICK_S) break;
         code = take_tick(r, replay, &next_s);
         kn_progress_step(&bar, (double)replay->tally.ticks);

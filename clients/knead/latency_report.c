@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Shares of the poses for which the table has a column (percentiles).
+// Columns of the table: percentiles of the latency, as shares of the poses. The share 1 gives the maximum.
 static const double shares[] = {0.5, 0.9, 0.99, 0.999, 1.0};
 static const char *const share_names[] = {"p50", "p90", "p99", "p99_9", "max"};
 enum { SHARES = 5 };
@@ -18,7 +18,7 @@ enum { SHARES = 5 };
 static const struct {
     const char *name, *key, *meaning;
 } series[KN_SERIES_COUNT] = {
-    [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages there and back, with nothing in between"},
+    [KN_SERIES_ECHO] = {"LCM echo", "lcm_echo", "the same messages to a bare echo and back, without kneadd"},
     [KN_SERIES_POSE] = {"pose to force", "pose_to_force", "from the hand's stamp until the hand has the force"},
     [KN_SERIES_RECEIVE] = {"  receive", "receive", "until the pose is in its mailbox"},
     [KN_SERIES_WAIT] = {"  wait", "wait", "until the tick that uses the pose begins"},

@@ -59,10 +59,10 @@ static const char help[] =
     "                   Positions are in metres, with z up and the origin under the object's centre.\n"
     "                   The path must begin clear of the object and last a day at most\n"
     "  --probe NAME     tool of the scene (default: for press the first tool, for other paths the first round tool).\n"
-    "                   The default is a round tool because dough resists a fast plate like a wall\n"
+    "                   These paths are faster than a press, and dough resists a fast plate like a wall\n"
     "  --hold TIME      press: time at the lowest point; sine: duration, e.g. '4 s' or 4 (default: 4 s)\n"
     "  --depth LENGTH   depth, e.g. '10 mm' (default: press 10 mm, sine 1 mm, poke 3 mm).\n"
-    "                   A press measures it from the top of the untouched block, other paths from the point of touch\n"
+    "                   Press: below the top of the untouched block. Other paths: below the point of touch\n"
     "  --speed SPEED    speed in the object, e.g. '1 cm/s' (default: press 1 cm/s, poke 5 cm/s)\n"
     "  --frequency F    frequency of the sine, e.g. '2 Hz' (default: 2 Hz)\n"
     "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
@@ -88,8 +88,8 @@ static const char help[] =
     "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
     "  --held           also render forces older than 5 ms, to study their effect.\n"
     "                   Without this option such forces are refused, as every device should do\n\n"
-    "Exit codes: 0 path played to its end; 1 played to its end, but the device buzzed or gave the hand over 10 mJ;\n"
-    "2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
+    "Exit codes: 0 path played to its end; 1 played to its end, but the device buzzed or gave more than\n"
+    "10 mJ to the hand; 2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
 
 // Speed of the tool above which kneadd brakes the tool instead of following it, m/s: default of brake_m_s.
 static const double fastest_m_s = 1.2;
@@ -132,8 +132,8 @@ static int check_sine(const kn_tool_path_def *shape)
     double f = shape->frequency_hz > 0.0 ? shape->frequency_hz : KN_TOOL_PATH_SWING_HZ;
     double d = shape->depth_m > 0.0 ? shape->depth_m : KN_TOOL_PATH_SWING_M, peak_m_s = acos(-1.0) * f * d;
     if (peak_m_s <= fastest_m_s) return KN_OPTIONS_READ;
-    REFUSE("a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s: %.3g Hz at this depth\n", f, 1e3 * d,
-           peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
+    REFUSE("a sine of %g Hz and %g mm is %.3g m/s fast, expected at most %g m/s, which is %.3g Hz at this depth\n", f,
+           1e3 * d, peak_m_s, fastest_m_s, fastest_m_s / (acos(-1.0) * d));
 }
 
 // Check conditions between options, now that all options are known.
@@ -149,7 +149,8 @@ static int check_options(const probe_options *opt)
                         : opt->loss > 0.0 ? "--loss"
                                           : NULL;
     if (opt->gripped && opt->local && opt->held)
-        REFUSE("--held with --local: expected only one of them, because --local renders no force of kneadd's\n");
+        REFUSE("--held with --local: expected only one of them, because with --local the device renders no force of "
+               "kneadd\n");
     if (alone && !opt->gripped)
         REFUSE("%s: expected --hand as well, because the option is for a simulated device\n", alone);
     if (kn_choice_of("press|sine|poke", opt->path) < 0 && access(opt->path, R_OK) != 0)
@@ -372,8 +373,8 @@ static kn_tool_path *generate(probe *p, bool again)
                 1e3 * ((1.0 - thinnest) * height_m - (press ? 0.0 : dent_m)));
         return NULL;
     }
-    // After a failed try the dent may be deeper than the goal. Then make the path at least shallowest_m deep, so that
-    // the hold is still played.
+    // After a failed try the dent may be deeper than the goal. In this case make the path at least shallowest_m deep,
+    // so that the hold is still played.
     if (again) shape.depth_m = fmax(shape.depth_m, shallowest_m);
     if (press && shape.depth_m < shallowest_m) {
         fprintf(stderr, "knead probe: the dent under the tool is %.1f mm deep already, expected a larger --depth\n",
@@ -457,7 +458,7 @@ static int start(probe *p)
     def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + kn_tool_height_m(p->tool) + lift_m);
     if (!kn_session_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
-    // Reserve rows for every try at twice the path's time, because the device's thread may not allocate.
+    // For every try, reserve rows for twice the duration of the path, because the device's thread must not allocate.
     int tries = def.tries ? def.tries : KN_HAND_TRIES, try_ms = (int)(2e3 * p->path[0]->duration_s) + trip_ms;
     if (p->opt.motors && !kn_motor_record_open(&p->player.motors, tries * try_ms))
         return complain(KN_EXIT_INTERNAL, "out of memory");

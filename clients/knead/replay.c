@@ -33,7 +33,7 @@ static const char help[] =
     "                    Needed if the server restored a snapshot, or if the log begins on a kneaded object\n"
     "  --speed max|real  as fast as possible, or 1000 ticks per second (default: max)\n"
     "options that make the replay compute differently from the log (--verify refuses them):\n"
-    "  --backend WHERE   cpu: as the scene says; fixed: --solver fixed; uart:, pty:, pcie:, shm: on that circuit.\n"
+    "  --backend WHERE   cpu: the scene's solver; fixed: same as --solver fixed; a circuit: uart:, pty:, pcie:, shm:\n"
     "                    Each tick of a circuit is compared with the fixed solver.\n"
     "                    Exit with 1 if a tick or the final state differs\n"
     "  --solver S        implicit, rk4, fixed (integers, as the circuit in hdl), blend, secant or tangent\n"
@@ -44,10 +44,10 @@ static const char help[] =
     "Exit codes: 0 ok, 1 --verify failed or is impossible, 2 bad input, 3 a file cannot be written.\n";
 
 #define SETS_MAX 64
-#define SET_SIZE 80 // size of a set (`key=value`) in characters, enough for "solver.dt=" and a time
+#define SET_SIZE 80 // size of a setting (`key=value`) in characters, enough for "solver.dt=" and a time
 
-// Parsed command line. made[]: sets (`key=value`) made from other options. wide: true if the chosen solver exists in
-// f64 only.
+// Parsed command line. made[]: settings (`key=value`) made from other options. wide: true if the chosen solver exists
+// in f64 only.
 typedef struct replay_options {
     kn_replay_def def;
     const char *sets[SETS_MAX];
@@ -138,8 +138,8 @@ static const char *take_quality(void *options, const char *name)
     return set ? take_set(options, set) : kn_quality_names;
 }
 
-// If the solver is rk4 or fixed, which exist in f64 only, and the user gave no precision, add the setting f64. If a
-// limit of this solver is then exceeded, the scene is refused for the limit and not for the precision.
+// If the solver is rk4 or fixed, which exist in f64 only, and the user gave no precision, add the setting f64. So a
+// scene that exceeds a limit of this solver is refused because of this limit, and not because of its precision.
 static const char *complete_solver(replay_options *opt)
 {
     static const char key[] = "solver.precision=";
@@ -319,10 +319,10 @@ static int verdict(const replay_run *run)
         return kn_complain("replay", KN_EXIT_FAILED, "%s: differs after %lld equal forces: %s", log,
                            (long long)run->verified - 1, run->difference);
     if (tally->mismatches > 0)
-        return kn_complain("replay", KN_EXIT_FAILED,
-                           "%s: %lld of %lld events have another state hash than the replay, the first at tick %lld",
-                           log, (long long)tally->mismatches, (long long)tally->checkpoints,
-                           (long long)tally->first_mismatch);
+        return kn_complain(
+            "replay", KN_EXIT_FAILED,
+            "%s: the state hash of %lld of %lld events differs from the replay's, the first at tick %lld", log,
+            (long long)tally->mismatches, (long long)tally->checkpoints, (long long)tally->first_mismatch);
     if (run->replay->damage[0]) return complain_damage(run, log);
     if (tally->malformed > 0)
         return kn_complain(
@@ -395,12 +395,12 @@ static void tell(const replay_run *run)
         kn_complain("replay", KN_EXIT_OK, "%s: %lld malformed records were left out", log, (long long)t->malformed);
     if (t->gaps)
         kn_complain("replay", KN_EXIT_OK,
-                    "%s: force or pose of %lld ticks is missing in the log, the first is tick %lld: replayed "
-                    "with the next pose",
+                    "%s: force or pose of %lld ticks is missing in the log, the first is tick %lld: these "
+                    "ticks were replayed with the next pose",
                     log, (long long)t->gaps, (long long)t->first_gap);
     if (t->mismatches)
         kn_complain("replay", KN_EXIT_OK,
-                    "%s: %lld of %lld events have another state hash than the replay, the first at tick %lld", log,
+                    "%s: the state hash of %lld of %lld events differs from the replay's, the first at tick %lld", log,
                     (long long)t->mismatches, (long long)t->checkpoints, (long long)t->first_mismatch);
 }
 
@@ -439,7 +439,8 @@ static int judge_circuit(replay_run *run)
     char why[KN_LINK_WHY] = "";
     if (!kn_backend_fpga_counts(&run->replay->backend, &n)) return KN_EXIT_OK;
     bool agrees = kn_backend_fpga_agrees(&run->replay->backend, why, &link);
-    printf("circuit: %lld of %lld ticks ran on it; %lld results differed from the twin's; lost %lld times; %s%s\n",
+    printf("circuit: %lld of %lld ticks ran on it; %lld results differed from the twin's; it was lost %lld times; "
+           "%s%s\n",
            (long long)n.on_circuit, (long long)(n.on_circuit + n.shadowed), (long long)n.different, (long long)n.losses,
            agrees ? "its final state equals the twin's" : "", why);
     return agrees && n.different == 0 ? KN_EXIT_OK : KN_EXIT_FAILED;

@@ -30,15 +30,15 @@ static const char help[] =
     "  died         the process of the trial was killed; the other processes continue\n\n"
     "The error of the time step is the difference between the answer and the answer at half the step.\n"
     "The error of the time step is not a fault of the solver, so it is reported separately.\n\n"
-    "  --quick           fewer cells of every map, under a minute\n"
-    "  --family NAME     one family of maps:\n";
+    "  --quick           fewer scenes in every family, under a minute\n"
+    "  --family NAME     only one family of scenes:\n";
 
 static const char help_end[] =
-    "  --csv FILE        write every cell and solver: verdict, errors, reason\n"
+    "  --csv FILE        write one row per scene and solver: verdict, errors, reason\n"
     "  --json            print the counts of every family and solver as JSON\n"
-    "  --plot FILE       draw the maps of the default solver as PNG (needs gnuplot)\n"
+    "  --plot FILE       draw the verdicts on the default solver as maps, PNG (needs gnuplot)\n"
     "  --jobs N          number of parallel processes, 1 to 256 (default: the number of processors)\n\n"
-    "Exit codes: 0 ok, 1 the default solver has a cell that is neither right nor refused,\n"
+    "Exit codes: 0 ok, 1 for at least one scene the default solver was not right and did not refuse it,\n"
     "2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
@@ -99,7 +99,7 @@ int kn_stability_main(int argc, char **argv)
     if (opt.csv) code = kn_stability_atlas_write(&atlas, opt.csv);
     if (code == KN_EXIT_OK && opt.plot) code = kn_stability_atlas_draw(&atlas, opt.plot);
     // Print the elapsed time to stderr, so that the text on stdout is the same in every run.
-    if (code == KN_EXIT_OK) fprintf(stderr, "%d cells took %.0f s\n", atlas.first[atlas.maps], atlas.seconds);
+    if (code == KN_EXIT_OK) fprintf(stderr, "%d scenes took %.0f s\n", atlas.first[atlas.maps], atlas.seconds);
     kn_stability_atlas_free(&atlas);
     return code == KN_EXIT_OK && !sound ? KN_EXIT_FAILED : code;
 }

@@ -87,7 +87,7 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
 {
     static const int counts[] = {4, 8, 16};
     kn_axes_def *axes = &s->opt.axes;
-    // Defaults of the axes for which the user gave no list.
+    // Default values of those axes of the sweep for which the user gave no list.
     if (axes->counts == 0) {
         memcpy(axes->count, counts, sizeof counts);
         axes->counts = 3;
@@ -107,7 +107,7 @@ static bool make_plan(sweep *s, char *error, size_t error_size)
 
 // ---- writing the named points into the scene
 
-// Size of the `quality` block in bytes: more than its three lines need with every number at its longest.
+// Size of the buffer for the `quality` block, bytes. The three lines of the block fit even with the longest numbers.
 #define BLOCK 2048
 
 // Check that the scene file can be replaced. Check the permission bits, because root may write any file. A file that is
@@ -261,8 +261,7 @@ static void print_times(const sweep *s)
         several |= first && sitting != first;
         first = sitting;
     }
-    printf("times      processor time of a tick of the servo, one run at a time, for each tick the shorter time of two "
-           "rounds");
+    printf("times      processor time of a servo tick: the shorter time of two rounds, one run at a time");
     if (several) printf("; NOT all measured in one session: compare with care");
     if (s->crew.unsteady > 0)
         printf("; %d of %d points took over 15 %% longer in one round than in the other: this machine is busy",
@@ -310,8 +309,8 @@ static void print_elsewhere(const sweep *s)
     char name[96];
     const kn_pareto_row *r = kn_pareto_front_elsewhere(&s->front, &s->plan, s->named);
     if (!r) return;
-    printf("no name    %s: p90 %.0f us, total force error %.3g %%, more accurate than the named points; a server "
-           "cannot change lattice, step or precision:",
+    printf("no name    %s: p90 %.0f us, total force error %.3g %%, more accurate than the named points, but a "
+           "running server cannot change to its lattice, step or precision; its options:",
            kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all);
     print_sets(s, r);
 }

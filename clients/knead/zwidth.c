@@ -36,8 +36,9 @@ static const char help[] =
     "The velocity is filtered at 100 Hz.\n"
     "A device buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the encoder's steps explain.\n"
     "  round trip        time from a pose to its force; 0: at once, 1 ms: in the next period, as with a server\n"
-    "  k at b_vc 0, ..   stiffest coupling with the damping b_vc that does not buzz, N/m; found to 1.5 %\n"
-    "  Colgate           bound 2 (b - b_vc)/T at b_vc 0: passive under any motion, without delay\n"
+    "  k at b_vc 0, ..   stiffest coupling that does not buzz with the damping b_vc, N/m; found to 1.5 %\n"
+    "  Colgate           bound 2 (b - b_vc)/T at b_vc 0; a coupling below it is passive in any motion, without delay.\n"
+    "                    b: friction of the device, T: 1 ms\n"
     "  delayed           bound (b + b_vc)/(T/2 + round trip) of a delayed spring, at the class's b_vc\n"
     "  default           coupling that a scene with this device gets (core/coupling.h); calm: it did not buzz\n\n"
     "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";

@@ -424,7 +424,7 @@ static bool load_mesh(kn_object_picture *shot, const kn_object_still *s)
         return false;
     shot->rest = malloc((size_t)s->vertex_count * sizeof *s->rest);
     shot->triangle = malloc((size_t)s->triangle_count * sizeof *s->triangle);
-    // If memory for these copies is short, the renderer gets the mesh again with the next picture.
+    // If memory for the copies of the mesh is short, the renderer gets the mesh again with the next picture.
     if (!shot->rest || !shot->triangle) return true;
     shot->vertex_count = s->vertex_count;
     shot->triangle_count = s->triangle_count;

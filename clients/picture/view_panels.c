@@ -401,7 +401,7 @@ static void paste(kn_view_panels *l, int panel)
 static kn_scale scale_of(const kn_view_options *o, bool distance, double most)
 {
     const int measure = distance ? (int)KN_MEASURE_DISPLACEMENT : o->measure;
-    // A negative measure means that the object has no colours.
+    // If `measure` is negative, the object has no colours.
     if (measure < 0) return (kn_scale){"", "", 1};
     const double asked = distance && o->measure >= 0 ? 0 : o->top_si;
     return (kn_scale){distance ? "distance" : kn_measure_names[measure].words, kn_measure_names[measure].unit,

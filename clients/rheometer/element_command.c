@@ -83,7 +83,7 @@ static void explain_residual(const kn_element *e, int node)
 
 static bool has_damper(const kn_element *e, int node) { return kn_element_count(e, node, KN_ELEMENT_DAMPER) > 0; }
 
-// Print by which parts of the element the vibration rule decides whether a vibration decays.
+// Print the parts of the element from which the vibration rule concludes whether a vibration decays.
 static void explain_vibration(const kn_element *e)
 {
     // The vibration rule concerns the parts of a series. An element that is not a series is treated as a series of one
@@ -194,7 +194,7 @@ static void print_vibration(const kn_element *e, const kn_oneport *o)
         printf("a mass on the element comes to rest; a light mass rings first, since the loss falls as 1/frequency\n");
     else printf("a mass on the element comes to rest; a light mass does not ring, since the dashpot brakes it\n");
     if (other)
-        printf("            the rule says \"%s\" here and \"%s\" of %s, the same one-port: "
+        printf("            the rule says \"%s\" here and \"%s\" for %s, which is the same one-port: "
                "the rule depends on the drawing\n",
                dies ? "decreases" : "remains", dies ? "remains" : "decreases", other);
 }
@@ -257,7 +257,7 @@ static void print_catalogue(void)
     printf(
         "\nAll three properties with the fewest parts: (d) and (f). Both are the same one-port; the paper takes (d).\n"
         "Entries with the same one-port differ in their drawing, not in their response: figure 2 holds six one-ports.\n"
-        "The vibration rule is no property of a one-port: it separates (c) from (e), and (h), (j) from (g), (k).\n"
+        "But the vibration rule gives different verdicts for the same one-port: (c) and (e); (h), (j) and (g), (k).\n"
         "Redundant elements, like ((s-d)|d)-d, are left out: they have one parameter too many.\n");
 }
 

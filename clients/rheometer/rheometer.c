@@ -142,7 +142,7 @@ static int build_lattice(kn_rheometer *b, const kn_model_def *scene)
         const char *name = kn_element_name(&normal);
         return kn_complain(opt->subcommand, KN_EXIT_USAGE,
                            "--lattice: an edge cannot be %s%s%s%s, expected s|d, s-d, d or (s|d)-d, "
-                           "force-dependent only in series; without --lattice any element runs",
+                           "a force-dependent d only in series; without --lattice any element runs",
                            text, name ? " (" : "", name ? name : "", name ? ")" : "");
     }
     // If the scene's object is a mesh, use only the material of the scene, not the mesh.

@@ -186,10 +186,11 @@ static void print(const kn_rheometer *b, const bite r[2])
                1e3 * KN_RHEOMETER_HEIGHT_M * r[i].touched, 1e3 * r[i].down_j, 1e3 * r[i].up_j);
     printf("\nhardness      %.4g N (%.4g gf), the first peak; the second %.4g N\n", r[0].peak_n, r[0].peak_n / KN_GF_N,
            r[1].peak_n);
-    printf("cohesiveness  %.4f, area of the second bite over the first\n", second_j / first_j);
-    printf("springiness   %.4f, travel of the second bite over the first\n",
+    printf("cohesiveness  %.4f, area of the second bite divided by that of the first\n", second_j / first_j);
+    printf("springiness   %.4f, travel of the second bite divided by that of the first\n",
            (opt->strain - r[1].touched) / opt->strain);
-    printf("resilience    %.4f, area of the first bite's upstroke over its downstroke\n", r[0].up_j / r[0].down_j);
+    printf("resilience    %.4f, area of the first bite's upstroke divided by that of its downstroke\n",
+           r[0].up_j / r[0].down_j);
     printf("adhesiveness  not modelled: the plate does not stick\n");
 }
 

@@ -77,9 +77,9 @@ static int around(const kn_force_residual *p, int reading, int reach, bool itsel
 }
 
 // Return whether a reading is an outlier. An outlier differs from the median of its six neighbours by more than a
-// limit. The limit is the sum of the largest force (most_n) and four times the spread of the neighbours. The spread
-// ignores the highest and the lowest neighbour. If the series has fewer than DENSE readings, one reading may be the
-// true peak of a press. The limit then contains 20 times the largest force instead.
+// limit. The limit is the largest force (most_n) plus four times the spread of the neighbours. The spread ignores the
+// highest and the lowest neighbour. If the series has fewer than DENSE readings, one reading may be the true peak of a
+// press. For these series the limit is larger: 20 times the largest force plus four times the spread.
 static bool is_outlier(const kn_force_residual *p, int reading)
 {
     double sorted[2 * AROUND + 1];

@@ -248,8 +248,8 @@ static bool listen(kn_replay *r, listener *l)
 bool kn_press_log(kn_press *p, const kn_scene *scene, const kn_press_def *def, const char *log, char *error,
                   size_t error_size)
 {
-    // A replay that takes only the poses from the log (`afresh`) needs at least one setting. The setting quality=own
-    // changes no pose.
+    // A replay that takes only the poses from the log (`afresh`) needs at least one setting. So pass quality=own, which
+    // does not change the poses.
     const char *const set = "quality=own";
     *p = (kn_press){.probes = scene->model.probe_count, .probe = -1};
     if (def->probe && (p->probe = choose_probe(&scene->model, def->probe, error, error_size)) < 0) return false;

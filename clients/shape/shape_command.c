@@ -257,7 +257,7 @@ static int identify(const kn_shape_options *o, kn_candidate *candidate, int coun
     kn_shape_print_object(o, candidate);
     code = kn_shape_measured(&m, o, &candidate[0]);
     if (code != KN_EXIT_OK) return code;
-    // Only now is it known whether the log has forces.
+    // Check --png only now, because the measurements that were just read show whether the log has forces.
     if (o->png && o->depths == 0 && !m.has_force)
         code = kn_complain(me, KN_EXIT_USAGE,
                            "--png %s: expected --depth or a force: %s has no force, and points are not drawn", o->png,

@@ -58,7 +58,7 @@ static const char help[] =
     "  off               rms residual in units of the noise\n"
     "  dAICc             AICc minus that of the best structure; with 10 or more, a structure has hardly any support\n"
     "For the intervals and dAICc, neighbouring residuals that agree count as fewer readings.\n"
-    "\"stopped early\" at the end of a row: the misfit is so large that the parameters were not fitted to the last per cent.\n"
+    "\"stopped early\" at the end of a row: the misfit is so large that the search ended before the fit was exact.\n"
     "\"not settled\" at the end of a row: the fit reached the limit of presses.\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on

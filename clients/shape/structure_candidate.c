@@ -367,8 +367,9 @@ bool kn_candidate_finer(kn_candidate *finer, const kn_candidate *c, const kn_can
 
 // ---- the verdict on the candidates
 
-// Return the AICc of a candidate for a number of independent readings. If the sum of squares is below the number of
-// residuals, use that number instead, since a misfit below the noise does not favour a candidate.
+// Return the AICc of a candidate. readings: number of residuals. independent: number of independent readings. If the
+// sum of squares is below `readings`, use `readings` as the sum, since a misfit below the noise does not favour a
+// candidate.
 static double aicc(const kn_candidate *c, int readings, double independent)
 {
     const int n = (int)fmax(independent, c->unknowns + 3);
@@ -393,7 +394,8 @@ static void judge(kn_structure_verdict *v, int count, const kn_candidate *c, int
         if (c[i].found && v->delta[i] < least) least = v->delta[i], v->best = i;
     for (int i = 0; i < count; i++) v->delta[i] -= least;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_STRUCTURE_VERDICT_OFF;
-    // If no candidate explains the data, choose the candidate with the least `off` (size of the residuals).
+    // If the chosen candidate does not explain the data, choose the candidate with the least `off` (size of the
+    // residuals) instead. Candidates whose fit removed the gas are still avoided.
     for (int i = 0; i < count && v->best >= 0 && !v->explained; i++)
         if (c[i].found && c[i].no_gas_left == c[v->best].no_gas_left && v->off[i] < v->off[v->best]) v->best = i;
     v->explained = v->best >= 0 && v->off[v->best] <= KN_STRUCTURE_VERDICT_OFF;

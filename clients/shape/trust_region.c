@@ -155,9 +155,9 @@ static bool evaluate_beside(kn_trust_region *s, int unknown)
 }
 
 // Evaluate the model beside the best place until there are neighbours in all directions within the distance `reach`.
-// With two unknowns, find out along which unknown the line to the nearest neighbour mostly runs. If this neighbour is
-// farther than `reach`, vary this unknown; otherwise vary the other unknown. Return false if no further evaluation is
-// possible.
+// With two unknowns, the line to the nearest neighbour runs mostly along one of them. If the neighbour is within
+// `reach`, vary the other unknown; if the neighbour is farther, vary the unknown of the line. Return false if no
+// further evaluation is possible.
 static bool evaluate_around(kn_trust_region *s, double reach)
 {
     int number[KN_TRUST_UNKNOWNS];
@@ -196,7 +196,8 @@ static bool step(kn_trust_region *s, double *trust)
         way = fmax(way, fabs(to[k] - s->evaluation[s->best].at[k]));
     }
     // The search ends if the next step is shorter than `settled`, or if the step is shorter than `secant` and its
-    // predicted decrease of the sum is too small. If the secants are too long to be trusted, the search goes on.
+    // predicted decrease of the sum is too small. However, if the secants are too long to be trusted, evaluate new
+    // neighbours and continue the search.
     const double least = before > far_off * s->readings ? promise_far : promise;
     if (way < settled || (way < secant && before - fit.sum < least * before)) {
         const int before_count = s->evaluations;

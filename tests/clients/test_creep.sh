@@ -42,7 +42,7 @@ refuses 2 "knead creep: --load 50: expected weights above 0 like 50gf or 10gf,30
 refuses 2 "knead creep: --hold 0: expected a time like 60 or '1000 ms'" creep dough --hold 0
 refuses 2 "knead creep: --strain: unknown option; --help lists them" creep dough --strain 10%
 refuses 2 "knead creep: --lattice 3x3: expected cells along x, y, z like 4x4x4, at most 64 each" creep dough --lattice 3x3
-refuses 2 "knead creep: --lattice: an edge cannot be (s-d)|s (zener), expected s|d, s-d, d or (s|d)-d, force-dependent only in series; without --lattice any element runs" \
+refuses 2 "knead creep: --lattice: an edge cannot be (s-d)|s (zener), expected s|d, s-d, d or (s|d)-d, a force-dependent d only in series; without --lattice any element runs" \
     creep zener --param s1=1kPa --param d1='1 kPa*s' --param s2=1kPa --lattice 2x2x2
 refuses 2 "knead creep: expected one specimen, a material like dough or an expression like '(s|d)-d'; see --help" creep
 begun=yes refuses 3 "knead creep: folder: Is a directory, expected a file that can be written" creep dough --csv "$(mkdir folder && echo folder)"

@@ -22,8 +22,8 @@ says 'd-(d|s)' 'element     (s|d)-d, jeffreys: 1 spring, 2 dampers; figure 2 (d)
     'impedance   Z(p) = (b1 p + b2 p^2) / (1 + a1 p)' 'long term   fluid' 'instant     dashpot' \
     'parameters  3 of 3' 'as Maxwell units side by side (s-d)|d' "in the paper's figure 2: d f;"
 says zener 'long term   solid' 'instant     spring' 'class       standard linear solid' \
-    'the rule says "decreases" here and "remains" of (s|d)-s, the same one-port'
-says 's-(s|d)' 'the rule says "remains" here and "decreases" of (s-d)|s, the same one-port'
+    'the rule says "decreases" here and "remains" for (s|d)-s, which is the same one-port'
+says 's-(s|d)' 'the rule says "remains" here and "decreases" for (s-d)|s, which is the same one-port'
 says '((s-d)|d)-d' 'parameters  3 of 4 can be identified: the element has more parts than its response shows' 'class       Jeffreys'
 says s 'not rheological: no residual deformation, vibration remains' 'swings for ever'
 
