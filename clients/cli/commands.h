@@ -19,7 +19,7 @@
     X(export, "export a recording to ParaView, MeshLab and tables: shape, stress, forces over time")                   \
     X(hand, "use a real device on a running kneadd: paddle, SpaceNavigator, Haply; not tested with hardware")          \
     X(identify, "fit material and structure to measured creep, relaxation, sweep or shape, with uncertainty")          \
-    X(latency, "measure the latency from pose to force of kneadd over LCM, and that of a bare LCM echo")               \
+    X(latency, "measure the latency of kneadd, from pose to force over LCM, and that of a bare LCM echo")              \
     X(mesh, "fill a closed surface (OBJ or STL) with tetrahedra for a scene, or check a mesh")                         \
     X(probe, "virtual hand: press, poke or swing a tool on a running kneadd; force table, recording")                  \
     X(relax, "virtual rheometer: compress a specimen and hold it; decay of the stress")                                \

@@ -1,6 +1,6 @@
 #ifndef KN_CLIENTS_OUTPUT_H
 #define KN_CLIENTS_OUTPUT_H
-// Files of results: check before a long computation that they can be written and are different files, and write them.
+// Files of results. Before a long computation, check that the files can be written and are different. Then write them.
 #include "clients/viewer/beside.h"
 #include <limits.h>
 #include <stdbool.h>

@@ -19,7 +19,7 @@ const char *const kn_plot_colour[KN_PLOT_COLOURS] = {"0072b2", "d55e00", "000000
                                                      "e69f00", "cc79a7", "56b4e9", "777777"};
 
 static void (*before)(int); // handler of SIGPIPE before the plot was opened; one plot is open at a time
-static int said = -1;       // memory file with gnuplot's standard error: warnings, and the reason why it ended
+static int said = -1;       // memory file with gnuplot's standard error: warnings, and the reason why gnuplot ended
 static int drawn = -1;      // memory file with the image; gnuplot itself does not report failed writes
 
 static int find_gnuplot(const char *subcommand, const char *path)

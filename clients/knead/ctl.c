@@ -162,8 +162,7 @@ static int tell(const options *o, const char *command, json_t *answer)
     } else if (json_integer_value(generation) > 0) {
         printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
                (int64_t)json_integer_value(tick));
-        // A command that changes the object answers with the stored energy: print the energy before and after the
-        // change.
+        // The answer to a command that changes the object contains the stored energy before and after the change.
     } else if (stored) {
         printf("%s: tick %" PRId64 ", the object stores %.4g mJ, %.4g before\n", command,
                (int64_t)json_integer_value(tick), 1e3 * json_real_value(stored),

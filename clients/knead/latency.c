@@ -95,8 +95,9 @@ static int parse(options *o, int argc, char **argv)
     if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free"))
         return kn_complain("latency", KN_EXIT_USAGE, "--phase %s: expected lock or free", o->phase);
     if (o->url && (o->scene || o->phase))
-        return kn_complain("latency", KN_EXIT_USAGE,
-                           "--lcm-url: expected neither SCENE nor --phase, because the running kneadd has its own");
+        return kn_complain(
+            "latency", KN_EXIT_USAGE,
+            "--lcm-url: expected neither SCENE nor --phase, because the running kneadd already has both");
     if (o->url && !kn_bus_client_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
     return code;

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_LATENCY_H
 #define KN_CLIENTS_LATENCY_H
 // The parts of `knead latency`, which measures the time from a pose to the force that answers it. A bare echo shows
-// what a message and its answer cost with nothing in between.
+// what a message and its answer cost without kneadd.
 //
 //     every ms   0 ms   pose ---------> kneadd ---------> force        of the same sizes, through the same
 //              0.5 ms   pose ---------> echo ----------> force         receivers, into the same thread

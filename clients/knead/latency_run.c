@@ -40,9 +40,8 @@ enum { HANDS_MAX = 100, MESSAGE_MAX = 512 };
 typedef struct run {
     kn_latency *l;
     const volatile int *stop;
-    // Connections to the buses. ear_bus, ear_echo: connections of the thread that receives all answers (ear), to the
-    // bus of kneadd and to the bus of the echo; the hand sends through these two as well. echo_bus: connection of the
-    // echo to its bus.
+    // Connections to the buses. ear_bus: to the bus of kneadd; ear_echo: to the bus of the echo. The ear (the thread
+    // that receives all answers) and the hand use both. echo_bus: the echo's own connection to the bus of the echo.
     kn_bus_client *ear_bus, *ear_echo, *echo_bus;
     // Answers in the order of arrival. The receiving thread (ear) stores session, seq, back_ns, execution_ns and
     // contacts.

@@ -39,7 +39,7 @@ static int run(int argc, char **argv)
     for (const command *c = commands; c->name; c++) {
         if (strcmp(name, c->name)) continue;
         if (argc != 3 || strcmp(argv[2], "--version")) {
-            char why[200], full[32]; // full: "knead NAME", because getopt begins its messages with argv[0]
+            char why[200], full[32]; // full: "knead NAME", the argv[0] with which getopt begins its messages
             snprintf(full, sizeof full, "knead %s", c->name);
             argv[1] = full;
             // Check first that enough files can be opened, because otherwise liblcm and libev hang or abort.

@@ -35,7 +35,7 @@ static const char help[] =
     "  --tool gmsh|tetgen  meshing program (default: gmsh).\n"
     "                      gmsh replaces the triangles of the surface, tetgen keeps them and adds more\n"
     "  --unit m|cm|mm|um   unit of the coordinates in the file (default: mm)\n\n"
-    "A surface is refused, with file:line:col, if it has a hole, an edge of three triangles, or two separate pieces.\n"
+    "Refused, with file:line:col: a surface with a hole, an edge of three or more triangles, or two separate pieces.\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
 // Quality of an element (core/simplices.h) below which a warning is printed. Such an element has 3 % of the volume of a
@@ -336,7 +336,7 @@ static kn_simplices *read_tetgen(const job *j, double units_per_m, char *error, 
         if (!s) snprintf(error, size, "not enough memory for the mesh");
     }
     bool good = s && read_nodes(&node, s, units_per_m) && read_elements(&element, s);
-    // Check the mesh that tetgen made before it is used.
+    // Check the mesh of tetgen before knead uses the mesh.
     good = good && kn_simplices_check(s, error, size);
     if (!good) {
         kn_simplices_destroy(s);

@@ -29,7 +29,7 @@ typedef struct probe_options {
     // Path of the tool: "press", "sine", "poke", or the name of a CSV file with poses.
     const char *path;
     const char *probe; // name of the tool; NULL: find_tool chooses a tool
-    // Names of output files, and URLs of the two buses; NULL: no such file, or the default URL.
+    // Names of output files, and URLs of the two buses. NULL: the file is not written, or the default URL is used.
     const char *record, *csv, *motors, *lcm_url, *mesh_url;
     // Shape of a press, sine or poke; its touch_z_m is computed later from the mesh.
     kn_tool_path_def shape;
@@ -91,7 +91,7 @@ static const char help[] =
     "Exit codes: 0 path played to its end; 1 played to its end, but the device buzzed or gave more than\n"
     "10 mJ to the hand; 2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
 
-// Speed of the tool above which kneadd brakes the tool instead of following it, m/s: default of brake_m_s.
+// Largest speed of a sine, m/s. It is the default of brake_m_s; above this speed kneadd sends only a damping force.
 static const double fastest_m_s = 1.2;
 
 // Parse SECONDS:MILLISECONDS of --drop-at.

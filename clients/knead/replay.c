@@ -343,10 +343,11 @@ static int refuse_verify(const replay_run *run)
         return kn_complain("replay", KN_EXIT_FAILED, "%s: cannot be verified: %s%sthe log holds no forces", log,
                            run->replay->damage, run->replay->damage[0] ? "; " : "");
     if (!run->replay->same)
-        return kn_complain("replay", KN_EXIT_USAGE,
-                           "%s: --verify cannot compare another scene or another computation, "
-                           "expected no SCENE, --set, --quality, --solver, --precision or --dt that changes them",
-                           log);
+        return kn_complain(
+            "replay", KN_EXIT_USAGE,
+            "%s: --verify cannot compare another scene or another computation, expected no SCENE, --set, "
+            "--quality, --solver, --precision or --dt with values other than those in the log",
+            log);
     return KN_EXIT_OK;
 }
 

@@ -38,7 +38,7 @@ static const char help_end[] =
     "  --json            print the counts of every family and solver as JSON\n"
     "  --plot FILE       draw the verdicts on the default solver as maps, PNG (needs gnuplot)\n"
     "  --jobs N          number of parallel processes, 1 to 256 (default: the number of processors)\n\n"
-    "Exit codes: 0 ok, 1 for at least one scene the default solver was not right and did not refuse it,\n"
+    "Exit codes: 0 ok, 1 at least one scene was neither solved right nor refused by the default solver,\n"
     "2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {

@@ -310,7 +310,7 @@ static void print_elsewhere(const sweep *s)
     const kn_pareto_row *r = kn_pareto_front_elsewhere(&s->front, &s->plan, s->named);
     if (!r) return;
     printf("no name    %s: p90 %.0f us, total force error %.3g %%, more accurate than the named points, but a "
-           "running server cannot change to its lattice, step or precision; its options:",
+           "running server cannot change to its lattice, step or precision; options of this point:",
            kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all);
     print_sets(s, r);
 }

@@ -201,7 +201,7 @@ void kn_object_still_hand(kn_object_still *s, const double position_m[3], const 
 bool kn_object_still_live(kn_object_still *s, const kn_live_server *live, char *error, size_t error_size)
 {
     char why[400];
-    // Only lack of memory can make the copy fail. So set this error message first, and clear it after the copy.
+    // Only lack of memory can make fill() fail. So set the error message before the call, and clear it after the call.
     snprintf(error, error_size, "out of memory");
     if (!fill(s, live->mesh.vertex_count, live->mesh.positions_m, live->mesh.triangle_count, live->mesh.triangles))
         return false;

@@ -434,7 +434,8 @@ static void read_edges(kn_paraview *p, const kn_state *state)
     }
 }
 
-// Write one .vtu file and list the file in its collection. part: number of the object or tool within one time.
+// Write one .vtu file and list the file in its collection. part: number of the object or tool among the files of one
+// time.
 static bool write_one(const kn_paraview *p, kn_pvd *pvd, const kn_vtu *v, int part, const char *kind, const char *name,
                       char *error, size_t size)
 {

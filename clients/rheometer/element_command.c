@@ -113,7 +113,8 @@ static void print_rules(const kn_element *e)
     printf("vibration   %s\n", dies ? "decreases" : "remains");
     explain_vibration(e);
     printf("verdict     ");
-    // A rheological object has all three properties. If some are missing, name the missing ones.
+    // A rheological object has residual deformation, bouncing and decaying vibration. Name the properties that are
+    // missing.
     if (residual && bouncing && dies) printf("has all three properties of a rheological object\n");
     else
         printf("not rheological: %s%s%s%s%s\n", residual ? "" : "no residual deformation",
@@ -257,7 +258,7 @@ static void print_catalogue(void)
     printf(
         "\nAll three properties with the fewest parts: (d) and (f). Both are the same one-port; the paper takes (d).\n"
         "Entries with the same one-port differ in their drawing, not in their response: figure 2 holds six one-ports.\n"
-        "But the vibration rule gives different verdicts for the same one-port: (c) and (e); (h), (j) and (g), (k).\n"
+        "But the vibration rule separates entries with the same one-port: (c) from (e), and (h), (j) from (g), (k).\n"
         "Redundant elements, like ((s-d)|d)-d, are left out: they have one parameter too many.\n");
 }
 

@@ -374,7 +374,7 @@ void kn_rheometer_print(const kn_rheometer *b)
         printf("\nbench     lattice of %d x %d x %d cells, diagonals, sliding on the table; step %g s, f64\n",
                b->opt->lattice[0], b->opt->lattice[1], b->opt->lattice[2], b->model->def.solver.dt_s);
     else
-        printf("\nbench     one element in one dimension, integrated to %g of its strain per step\n",
+        printf("\nbench     one element in one dimension, integrated to a tolerance of %g of its strain per step\n",
                KN_RHEOMETER_TOLERANCE);
 }
 

@@ -116,7 +116,7 @@ static int go(plate *p, double until_s)
     if (change && code == KN_EXIT_OK) {
         code = p->touches ? let_go(p) : touch(p);
         add(p);
-        // After the change of contact, compute the rest of the interval. The contact may change once more in this rest.
+        // After the change of contact, compute the rest of the interval. The contact may change once more in the rest.
         if (code == KN_EXIT_OK && until_s > b->time_s + 1e-9) return go(p, until_s);
     }
     return code;
