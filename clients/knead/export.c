@@ -17,7 +17,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOMENTS_MAX 100000 // largest number of moments, because file names have five digits for the number
+#define MOMENTS_MAX 100000 // largest number of moments, because file names have five digits for the moment's index
 
 static const char help[] =
     "usage: knead export LOG --vtk DIR [OPTION]...        export a recording, stepped through the daemon's servo\n"

@@ -3,8 +3,8 @@
 // The parts of `knead latency`, which measures the time from a pose to the force that answers it. A bare echo shows
 // what a message and its answer cost without kneadd.
 //
-//     every ms   0 ms   pose ---------> kneadd ---------> force        of the same sizes, through the same
-//              0.5 ms   pose ---------> echo ----------> force         receivers, into the same thread
+//     every ms   0 ms   pose ---------> kneadd ---------> force        messages of the same sizes,
+//              0.5 ms   pose ---------> echo ----------> force         received by the same thread
 //
 // The pose to kneadd and the pose to the echo alternate within each millisecond. Thus any other work of the machine
 // affects both alike, and only their difference within one run is judged. The hand's clock runs KN_LATENCY_DRIFT_PPM

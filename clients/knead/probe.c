@@ -654,7 +654,7 @@ static int finish(probe *p)
                atomic_load(&p->device.missed));
         if (p->opt.gripped) print_grasp(&p->grasp);
     }
-    // A device that buzzed or drove the hand is a failed check.
+    // If the device buzzed or drove the hand, the check has failed.
     if (code == KN_EXIT_OK && p->opt.gripped && (p->grasp.news.buzzes || p->grasp.news.drives)) code = KN_EXIT_FAILED;
     if (p->opt.record && report.lost)
         fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);

@@ -88,7 +88,7 @@ static int relax(kn_rheometer *b, kn_table *t, reading *r)
     for (int i = 0; i <= SAMPLES_PER_DECADE * DECADES && code == KN_EXIT_OK; i++) {
         double from_s = b->time_s, from_pa = b->stress_pa;
         double held = opt->hold_s * pow(10, (double)i / SAMPLES_PER_DECADE - DECADES);
-        // Skip the sampling times that have already passed during the ten steps above.
+        // Skip the sampling times that have already passed during the wait of ten steps.
         if (begin_s + held <= from_s) continue;
         code = kn_rheometer_advance(b, begin_s + held);
         if (b->time_s <= from_s) continue; // the interval is shorter than a step of the lattice

@@ -248,7 +248,8 @@ kn_fit_interval kn_trust_region_interval(const kn_trust_region *s, int unknown, 
     kn_fit_interval i = {KN_FIT_CURVATURE, s->low[unknown], s->high[unknown], true, true};
     if (!kn_fit_run(&fit)) return i;
     // The scale widens the interval if the residuals scatter more than their sigmas. The sigmas are known, so a scale
-    // below 1 is not used: the smaller scatter is chance, or the data were simulated with the same lattice.
+    // below 1 is not used. If the residuals scatter less than their sigmas, this is chance, or the data were simulated
+    // with the same lattice.
     const double scale = fmax(fit.scale, 1);
     const double spread = scale * sqrt(fit.covariance[unknown][unknown] * s->readings / fmax(independent, 1));
     const double half = kn_fit_student(0.95, fmax(independent - s->unknowns, 1)) * spread;
