@@ -43,8 +43,8 @@
 typedef struct kn_contact_fit kn_contact_fit;
 
 // Create a fit, which the caller destroys. `model` must outlive the fit. `device` is the coupling of the client's
-// device; it decides how long the unit of a rigid tool stays valid. Return NULL if memory is short, or if the model's
-// solver is not the implicit one. Only this function allocates.
+// device; this coupling decides how long the unit of a rigid tool stays valid. Return NULL if memory is short, or if
+// the model's solver is not the implicit one. Only this function allocates.
 kn_contact_fit *kn_contact_fit_create(const kn_model *model, kn_coupling device);
 void kn_contact_fit_destroy(kn_contact_fit *fit); // does nothing if `fit` is NULL
 void kn_contact_fit_reset(kn_contact_fit *fit);   // forget all contacts; call when the object is reset
@@ -57,8 +57,8 @@ void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_in
 // into patches for the next step. Call once per tick, after the forces and units have been sent. Real-time safe.
 void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
 
-// Store the units of probe p after the last step in unit[0 .. contact_count - 1], which has room for `most` units.
-// `most` is from 1 to KN_CONTACT_UNITS. unit[0].contact_count is 0 if the object is not within the tool's reach. If
+// Store the units of probe p after the last step in unit[0 .. contact_count - 1]. `most`: number of units for which
+// unit[] has room, 1 to KN_CONTACT_UNITS. unit[0].contact_count is 0 if the object is not within the tool's reach. If
 // there are more than `most` patches, one unit stands for the resultant of all patches. Session, pose_seq, generation,
 // utime and flags of the units are 0; the caller fills them in. Real-time safe.
 void kn_contact_fit_units(const kn_contact_fit *fit, int p, int most, kn_contact_unit unit[]);

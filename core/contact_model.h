@@ -43,18 +43,19 @@
 
 #define KN_CONTACT_UNITS 8 // largest number of contacts of one tool
 #define KN_CONTACT_LAW 40  // number of forces, 0.02 to 17 N, for which c2 is remembered
-// number of own poses stored, at least 0.5 ms apart; a message about an older pose is refused
+// number of the client's last poses that the model stores, at least 0.5 ms apart; a message about an older pose is
+// refused
 #define KN_CONTACT_REPLAY 64
 
 typedef struct kn_contact_unit { // one contact, the fields of contact_model_t; SI units, scene frame
     // time of the server's tick, us since 1970; datagrams with equal utime belong to one tick; a datagram with an older
     // utime is ignored
     int64_t utime;
-    int64_t session; // the client's own session; a message of another session is refused
+    int64_t session; // session of the client; a message of another session is refused
     // number of the client's pose that the contact belongs to; the replay begins with the next pose
     int64_t pose_seq;
     int32_t generation;    // changes when the object is replaced (reset, another scene)
-    int32_t flags;         // bits KN_FLAG_*; the model reads only the bits of KN_CONTACT_*
+    int32_t flags;         // KN_FLAG_* bits of core/safety.h; the model reads only those named KN_CONTACT_* below
     int32_t contact_index; // index of this contact in its message, 0 .. contact_count - 1
     int32_t contact_count; // number of contacts in the message; 0: the object is not within the tool's reach
     // Position of the proxy. Along `normal`, it is the position at which the tool touches the surface. Tangentially, it
@@ -64,11 +65,12 @@ typedef struct kn_contact_unit { // one contact, the fields of contact_model_t; 
     double force_n;            // contact force F0 along normal, >= 0; 0: the tool does not touch the surface yet
     double proxy_velocity_m_s; // velocity of the surface along normal
     double a_n_s_per_m;        // damping A of the contact, clipped to [0.1, 1e4]
-    double h_n;                // force H of the spring k1, clipped to the force of this spring at 0.1 m
-    double c2_n_s_per_m;       // damping of the force-dependent damper, clipped to [10, 1e5]
-    double k1_n_per_m;         // stiffness of the spring, clipped to [0, 2 k_vc]
-    // Stiffness k_vc of the coupling in the server when the server computed force_n; 0: the tool is rigid. A device
-    // with a softer coupling renders less of H.
+    // force H of the spring k1; |H| is clipped to the force of this spring at an extension of 0.1 m
+    double h_n;
+    double c2_n_s_per_m; // damping of the force-dependent damper, clipped to [10, 1e5]
+    double k1_n_per_m;   // stiffness of the spring, clipped to [0, 2 k_vc]
+    // Stiffness k_vc of the coupling in the server when the server computed force_n; 0: the tool is rigid. If the
+    // device has a softer coupling, it renders only a part of H.
     double k_vc_n_per_m;
     double b_vc_n_s_per_m; // damping of the server's coupling
     double friction;       // coefficient of friction mu, clipped to [0, 3]
@@ -78,7 +80,7 @@ typedef struct kn_contact_unit { // one contact, the fields of contact_model_t; 
     double valid_ms; // time for which the message is valid, clipped to [0, 100]
 } kn_contact_unit;
 
-enum { // bits of kn_contact_unit.flags; the same numbers as in contact_force_t
+enum { // bits of kn_contact_unit.flags, with the numbers that they have in contact_force_t
     KN_CONTACT_ENGAGED = 1,
     KN_CONTACT_RAMPING = 2,    // the server simulates the tool if ENGAGED or RAMPING is set
     KN_CONTACT_LATCHED = 4,    // the server has latched a fault
@@ -86,13 +88,15 @@ enum { // bits of kn_contact_unit.flags; the same numbers as in contact_force_t
 };
 
 typedef struct kn_contact_model_def { // a field of 0 takes its default
-    int64_t session;                  // the client's own session; messages of other sessions are refused
-    // tool radius r; a message is valid until the tool has moved by r/2 along the surface; default and maximum 10 mm
+    int64_t session;                  // session of the client; messages of other sessions are refused
+    // radius r of the tool, default 10 mm; larger values are cut to 10 mm. A message is valid until the tool has moved
+    // by r/2 along the surface.
     double radius_m;
     // largest coupling stiffness k_vc that this device renders; default 600, for a light desktop device
     double stiffness_n_m;
     double damping_n_s_m; // coupling damping b_vc of this device; default 1.5
-    double arm_m;         // arm l: rotations are coupled by k_vc l^2 and b_vc l^2; default 0.03, as in the server
+    // arm l: stiffness and damping for rotations are k_vc l^2 and b_vc l^2; default 0.03, as in the server
+    double arm_m;
     // Ratio of the hand's force to the object's force, default 1. stiffness_n_m, damping_n_s_m and force_rise_n apply
     // to the force at the object, force_limit_n to the force on the hand.
     double force_scale;
@@ -102,13 +106,15 @@ typedef struct kn_contact_model_def { // a field of 0 takes its default
 } kn_contact_model_def;
 
 typedef struct kn_contact_plane { // one contact unit while it is rendered; used by contact_model.c only
-    double normal[3], level_m;    // the surface is all points x with normal . x + lever . turn = level_m
-    double arm_m[3], lever_m[3];  // arm: from the proxy to the point where the force acts; lever: arm x normal
-    double c1, k1, c2, mu;        // dashpot c1; spring k1; damper c2 at the present force; friction coefficient mu
-    double give_m_n, t_n;   // give_m_n: compliance of the unit's own foundation [m/N]; t_n: force along the normal [N]
-    double thick;           // ratio of this unit's c2 to the c2 of the stored law at equal force
-    double h_n, shear_n[3]; // force of the spring k1 along the normal; tangential force of the spring k1 [N]
-    double force_n[3];      // force on the tool
+    double normal[3], level_m;    // the surface is all points x with normal . x + lever_m . turn = level_m
+    // arm_m: vector from the proxy to the point where the force acts; lever_m: cross product of arm_m and normal
+    double arm_m[3], lever_m[3];
+    double c1, k1, c2, mu; // c1: dashpot; k1: spring; c2: damper at the present force; mu: friction coefficient
+    double give_m_n, t_n;  // give_m_n: compliance of the unit's own foundation [m/N]; t_n: force along the normal [N]
+    double thick;          // ratio of this unit's c2 to the c2 of the stored law at equal force
+    // force of the spring k1 [N]. h_n: along the normal; shear_n: tangential
+    double h_n, shear_n[3];
+    double force_n[3]; // force on the tool
 } kn_contact_plane;
 
 typedef struct kn_contact_body { // the proxy and the surfaces of all units; used by contact_model.c only
@@ -120,7 +126,7 @@ typedef struct kn_contact_body { // the proxy and the surfaces of all units; use
     double from_wxyz[4];            // orientation of the device in the pose that the message answers
     double turn[3];                 // rotation vector of the proxy since the pose that the message answers
     double torque_n_m[3];           // torque of the contact on the tool about the proxy's position
-    double law_m_s[KN_CONTACT_LAW]; // rate of the damper c2 at forces 0.02 N * 2^(i/4)
+    double law_m_s[KN_CONTACT_LAW]; // entry i: speed at which the damper c2 yields under 0.02 N * 2^(i/4)
     kn_contact_plane plane[KN_CONTACT_UNITS];
 } kn_contact_body;
 
@@ -132,16 +138,16 @@ typedef struct kn_contact_pose {
 typedef struct kn_contact_model { // plain data, read-only for the caller; a copy is a snapshot
     kn_contact_model_def def;
     kn_contact_body body;
-    kn_contact_pose pose[KN_CONTACT_REPLAY]; // own poses; the newest is at (poses - 1) % KN_CONTACT_REPLAY
+    kn_contact_pose pose[KN_CONTACT_REPLAY]; // stored poses; the newest is at (poses - 1) % KN_CONTACT_REPLAY
     int64_t poses;                           // number of poses stored since init
-    double now_s, posed_s; // now_s: sum of all render steps; posed_s: time of the last pose, stored or not
-    kn_contact_unit unit[KN_CONTACT_UNITS]; // received datagrams of the server tick whose message is still incomplete
+    double now_s, posed_s;                  // now_s: total time rendered; posed_s: time of the last pose, stored or not
+    kn_contact_unit unit[KN_CONTACT_UNITS]; // arrived datagrams of a message that is still incomplete
     double c2[KN_CONTACT_LAW];              // last received c2 at each of the law's forces; 0: none received yet
-    unsigned have;                          // bit i is set: unit[i] has arrived
-    int first;                              // index of the datagram of the message that arrived first
+    unsigned have;                          // bit i is set if unit[i] has arrived
+    int first;                              // index in unit[] of the datagram that arrived first
     // utime: server time of the newest datagram; taken_seq: pose_seq of the message in use, -1: none
     int64_t utime, taken_seq;
-    int32_t generation, flags; // fields of the message in use
+    int32_t generation, flags; // `generation` and `flags` of the message in use
     // Message in use. valid_s: time for which it is valid; taken_s, taken_m: time and position of its pose; taken_n:
     // size of its force.
     double valid_s, taken_s, taken_m[3], taken_n;
@@ -170,8 +176,8 @@ typedef enum kn_contact_take {
 void kn_contact_model_init(kn_contact_model *m, const kn_contact_model_def *def);
 
 // Set the tool's present orientation, a unit quaternion w, x, y, z from tool to scene. Call before
-// kn_contact_model_pose and kn_contact_model_render. A plate, which does not turn, and a device of three axes need no
-// call.
+// kn_contact_model_pose and kn_contact_model_render. Skip the call if the tool is a plate, which does not turn, or if
+// the device has only three axes.
 void kn_contact_model_turn(kn_contact_model *m, const double orientation_wxyz[4]);
 
 // Record a pose that the client sends to the server, in the scene's frame. Call before kn_contact_model_render of the

@@ -39,7 +39,7 @@ typedef enum kn_element_kind {
 
 typedef struct kn_element_node {
     kn_element_kind kind;
-    int leaf;  // SPRING, DAMPER: number of the spring or damper in the order of the text, from 0
+    int leaf;  // SPRING, DAMPER: index of the spring or damper in the order of the text, from 0
     int count; // SERIES, PARALLEL: number of children, >= 2; no child is of the same kind as its parent
     unsigned char child[KN_ELEMENT_MAX]; // children, as indices in kn_element.node
 } kn_element_node;
@@ -59,8 +59,9 @@ bool kn_element_parse(kn_element *e, const char *text, char *error, size_t error
 // first its subgroups, then s, then d. Two elements with equal normal forms differ only in order and repetition.
 void kn_element_normalize(kn_element *e);
 
-// Print the tree under a node (e->root: the whole element). Every group within a group is in parentheses. `numbered`:
-// number springs and dampers in order of appearance (s1, s2, d1 ..), which gives the names of the parameters.
+// Print the tree under a node (e->root: the whole element). Every group within a group is in parentheses. If
+// `numbered`, springs and dampers get numbers in the order of the text (s1, s2, d1 ..). These are the names of the
+// parameters.
 void kn_element_print(const kn_element *e, int node, bool numbered, char text[KN_ELEMENT_TEXT]);
 
 // Store the name of a spring or damper, such as "s2" or "d1". Return false if the element has no leaf of this number.
@@ -72,8 +73,8 @@ int kn_element_count(const kn_element *e, int node, kn_element_kind kind);
 // Return the name of an element in normal form, as a static text, or NULL if the element has none of the names above.
 const char *kn_element_name(const kn_element *normal);
 
-// Return whether an element (the tree under a node) has a property by the paper's rules. Residual: a part of the
-// deformation stays. Bouncing: a part of the deformation comes back. Vibration dies: a vibration fades away.
+// Return true if the tree under a node has the property by the paper's rules above. Residual: a part of the deformation
+// stays. Bouncing: a part of the deformation comes back. Vibration dies: a vibration fades away.
 bool kn_element_residual(const kn_element *e, int node);
 bool kn_element_bouncing(const kn_element *e, int node);
 bool kn_element_vibration_dies(const kn_element *e, int node);
@@ -81,15 +82,15 @@ bool kn_element_vibration_dies(const kn_element *e, int node);
 // The elements of the first paper's figure 2, (a) to (k). Their drawings are lost, so they were reconstructed from the
 // paper's text about each of them. The provenance tells how sure a reconstruction is.
 typedef enum kn_provenance {
-    KN_PROVENANCE_FORCED, // no other element of this size fits the paper's text (for d and f: text and figure 3)
+    KN_PROVENANCE_FORCED, // no other element of this size fits the paper's text, or for d and f, text and figure 3
     KN_PROVENANCE_PAIR,   // two elements fit two letters; which element has which letter is a guess
-    KN_PROVENANCE_GUESS   // four elements fit the paper's text, and this is one of them; all four are equal one-ports
+    KN_PROVENANCE_GUESS   // one of four elements that fit the paper's text; the four have equal one-ports (oneport.h)
 } kn_provenance;
 
 typedef struct kn_catalogue_entry {
     char letter;                   // letter of the drawing in figure 2, 'a' to 'k'
     const char *expression;        // the element in normal form
-    bool residual, vibration_dies; // properties as the paper states them; all entries are `bouncing`
+    bool residual, vibration_dies; // properties as the paper states them; every entry also has the property bouncing
     kn_provenance provenance;
     const char *because; // reason for the reconstruction, one sentence
 } kn_catalogue_entry;

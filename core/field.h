@@ -3,14 +3,13 @@
 // Signed distance of a closed surface of triangles, stored as a grid. With such a grid, any surface file can be a tool
 // (shape.h).
 //
-// At the grid's points, the distance to the nearest triangle is exact. To find its sign, a row of grid points is
-// followed through the surface. The distance is negative where the row has entered the surface more often than it has
-// left the surface. If the surface is inside out (its normals point inwards), the distance is negative where the row
-// has left more often than it has entered. So a surface that passes through itself has an inside, too. Between the
-// points, the distance is a quadratic B-spline. Its value and gradient come from one polynomial with continuous slopes,
-// so a tool that slides does not feel the cells. The coefficients are c = d - (sum of second differences)/8, which is
-// exact for quadratics. The correction is limited to an eighth of a cell, so an edge stays as round as the spline makes
-// it.
+// At the grid's points, the distance to the nearest triangle is exact. To find its sign, each row of grid points is
+// followed from one end to the other. A point lies inside if the row has entered the surface more or fewer times than
+// it has left the surface. So a surface may be inside out (its normals point inwards) or pass through itself. Inside,
+// the distance is negative. Between the points, the distance is a quadratic B-spline. Its value and gradient come from
+// one polynomial with continuous slopes, so a tool that slides does not feel the cells. The coefficients are c = d -
+// (sum of second differences)/8, which is exact for quadratics. The correction of a coefficient is limited to an eighth
+// of a cell, so it cannot undo the rounding of an edge by the spline.
 //
 // The error is nowhere larger than the side s of a cell. The spline gives a weighted mean of the distances at grid
 // points nearby. The mean distance of these points is at most 0.87 s, and along a path of length a the distance to the
@@ -27,13 +26,13 @@
 
 typedef struct kn_field {
     int n[3];                         // number of grid points along x, y, z
-    double low_m[3], cell_m;          // position of the first grid point; side of a cell
+    double low_m[3], cell_m;          // low_m: position of the first grid point; cell_m: side of a cell
     float *value;                     // [n[2]][n[1]][n[0]] coefficients of the spline, m
     double box_m[2][3];               // lowest and highest corner of the box around the surface
-    double ball_m;                    // radius of the ball around the surface; its centre is that of the box
+    double ball_m;                    // radius of the smallest ball around the box's centre that contains the surface
     double bound_m;                   // largest distance of a point of the surface from the origin
-    double fine_m;                    // radius of the largest ball inside the surface, to within a cell
-    int vertex_count, triangle_count; // number of vertices and triangles of the surface, which is kept for drawing
+    double fine_m;                    // radius of the largest ball inside the surface; the error is at most a cell
+    int vertex_count, triangle_count; // size of the copy of the surface, which is kept for drawing
     double (*x_m)[3];                 // [vertex_count] positions
     int (*triangle)[3];               // [triangle_count] vertices of each triangle
     uint64_t hash;                    // hash of vertices and triangles
@@ -46,8 +45,8 @@ double kn_field_points(const double extent_m[3], double cell_m);
 
 // Build the grid of a closed surface whose triangles all run the same way round (scene/mesh_file.h). The field copies
 // the surface. An inside-out surface is allowed. Points and triangles must not exceed KN_FIELD_POINTS_MAX and
-// KN_FIELD_TRIANGLES_MAX. The new field has one holder. Return NULL if memory is short, or if a row of grid points does
-// not end outside the surface because of rounding.
+// KN_FIELD_TRIANGLES_MAX. The new field has one holder. Return NULL if memory is short, or if rounding errors make a
+// row of grid points end inside the surface.
 kn_field *kn_field_build(int vertex_count, const double (*x_m)[3], int triangle_count, const int (*triangle)[3],
                          double cell_m);
 

@@ -71,8 +71,8 @@ typedef struct kn_edge {
 extern const int kn_grid_forward[KN_FORWARD][3];
 
 // Fill in *g: choose the row axis and compute the derived numbers. n[] >= 1; spacing_m > 0. thickness_m > 0 makes a
-// flat object, which needs n[1] = 1. thickness_m = 0 makes a block (or a bar or sheet that is one cell deep). diagonal
-// = 0 leaves the diagonals out. A grid is plain data of the caller.
+// flat object, which needs n[1] = 1. thickness_m = 0 makes a block; a bar or a sheet is a block, too. diagonal = 0
+// leaves the diagonals out. A grid is plain data of the caller.
 void kn_grid_init(kn_grid *g, const int n[3], double spacing_m, double thickness_m, double diagonal);
 
 // Set the row axis and the number of vectors per row. Grids that share fields need equal numbers of vectors. The
@@ -98,7 +98,7 @@ static inline size_t kn_grid_field(const kn_grid *g, int components)
 void kn_grid_rest(const kn_grid *g, int node, double x_m[3]);
 
 // Return the mass of a node in units of the mass of one cell: 1/8 for a corner .. 1 for an inner node of a block. The
-// mass is rho h^2 depth_m times this share.
+// mass of one cell is rho h^2 depth_m.
 double kn_grid_share(const kn_grid *g, int node);
 
 // List every edge in out[], in the order of node ids and forward edges, and return the number of edges. If out is NULL,

@@ -42,13 +42,14 @@ typedef enum kn_law_kind {
     KN_LAW_VOIGT,  // no damper, or a damper that cannot move: s = A w + k1 u, and u follows from the edge's length
     KN_LAW_LINEAR, // constant c2: s = b / (1 + A/c2)
     KN_LAW_TABLE,  // force-dependent c2, by the f32 table
-    KN_LAW_EXACT   // force-dependent c2, exact to rounding: in F64, or if the law's range is too wide for the table
+    KN_LAW_EXACT   // force-dependent c2, exact but for rounding: in F64, and in F32 if the table would be too inexact
 } kn_law_kind;
 
-// Slope of the straight line by which the solver replaces the law near its guess.
+// In each step the solver replaces the law by a straight line near the guessed velocity. This type tells the line's
+// slope.
 typedef enum kn_linearization {
-    KN_LINEARIZATION_BLEND,  // mean of secant and tangent: accurate, and no chatter up to a few thousand nodes
-    KN_LINEARIZATION_SECANT, // slope s/b: the force never chatters, but is a little less accurate
+    KN_LINEARIZATION_BLEND,  // mean of secant and tangent: accurate; no chatter up to a few thousand nodes
+    KN_LINEARIZATION_SECANT, // slope s/b: the force never chatters, but the step is a little less accurate
     KN_LINEARIZATION_TANGENT // slope ds/db: the force chatters if the lattice has about 2 500 nodes or more
 } kn_linearization;
 
@@ -59,20 +60,22 @@ typedef struct kn_law {
     double a_pa_s;  // A = c1 + dt k1
     bool stroke;    // the damper has end stops and can move between them
     double in, out; // gamma z_in and gamma z_out: permanent strains at the damper's stops, see kn_material_stroke
-    // The law's two straight branches: resting (|b| <= b0) and flowing (|b| >= bh). A linear law has equal slopes.
-    double slope_rest;   // ds/db for |b| <= b0
-    double slope_flow;   // ds/db for |b| >= bh
-    double s0_pa, b0_pa; // s and b at the end of the resting branch (s = p0 of the material; a small stress if p0 = 0)
-    double s1_pa, bh_pa; // s and b at the start of the flowing branch (s = p1 of the material)
-    // Table for f32, in y = |b|/b0. A y in [1, yh] is in segment (bits(y) - bits(1)) >> shift, with the bits of an IEEE
-    // f32.
+    // The law's two straight branches: resting (|b| <= b0) and flowing (|b| >= bh). In a linear law, both slopes are
+    // equal.
+    double slope_rest; // ds/db for |b| <= b0
+    double slope_flow; // ds/db for |b| >= bh
+    // s and b at the end of the resting branch; s is the material's p0, or a small stress if p0 = 0
+    double s0_pa, b0_pa;
+    double s1_pa, bh_pa; // s and b at the start of the flowing branch; s is the material's p1
+    // Table for f32, in y = |b|/b0. The segment of a y in [1, yh] is (bits(y) - bits(1)) >> shift, where bits(y) are
+    // the bits of y as an IEEE f32.
     int shift;
     float cubic[4][KN_LAW_SEGMENTS];    // s/b0 = c0 + y (c1 + y (c2 + y c3))
     float slope[3][3][KN_LAW_SEGMENTS]; // [kn_linearization]: sqrt(ds/db) = c0 + y (c1 + y c2)
     bool seeded; // table_error is at most 1e-3: the kernels may use the table, and Newton's method starts from it
     double table_error; // largest |table - exact|/exact of s over [b0, bh], measured during the build
-    // Table for KN_LAW_EXACT in f64. Its polynomials are in x = y - middle of the segment, so that the high degree
-    // loses no digits.
+    // Table for KN_LAW_EXACT in f64. Its polynomials are in x = y - middle of the segment, so that rounding loses no
+    // digits despite the high degree.
     double middle[KN_LAW_SEGMENTS], fine[KN_LAW_FINE + 1][KN_LAW_SEGMENTS];
     double fine_slope[3][4][KN_LAW_SEGMENTS]; // [kn_linearization]: coefficients of sqrt(ds/db), a cubic in x
     double fine_error;                        // largest |table - exact|/exact of s for the f64 table
@@ -87,14 +90,14 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
 // table. Other exact laws need Newton's method edge by edge, which takes some 40 times as long.
 bool kn_law_in_lanes(const kn_law *law);
 
-// Return s = T(b), Pa, exact but for rounding. If s is outside [p0, p1], the result has a closed form. Inside, a
+// Return s = T(b), Pa, exact but for rounding. Outside p0 <= |s| <= p1 there is a closed formula. In this range, a
 // safeguarded Newton's method solves ln(s (1 + A/c2)/b) = 0. The tables are built from this function and tested against
 // it.
 double kn_law_stress(const kn_law *law, double b_pa);
 
 // Apply the stops to the stress s = T(b) by equation (2), and return the new stress. `inwards` and `outwards` are the
-// strains z - z_in and z_out - z by which the damper can still move at the beginning of the step. A strain below
-// KN_LAW_STROKE_ENDS counts as 0. Requires dt > 0.
+// strains z - z_in and z_out - z by which the damper can still move at the beginning of the step. If one of them is
+// below KN_LAW_STROKE_ENDS, it is taken as 0. Requires dt > 0.
 #define KN_LAW_STROKE_ENDS 1e-9
 double kn_law_stop(const kn_law *law, double stress_pa, double b_pa, double inwards, double outwards);
 

@@ -45,15 +45,17 @@ typedef struct kn_material {
     double c1_pa_s; // modulus of the dashpot, >= 0; k1 and c1 must not both be 0
     kn_damper damper;
     double c2_pa_s;     // CONSTANT: modulus c2 of the damper, > 0
-    double alpha_pa_s;  // EXPONENTIAL: factor alpha of c2 = alpha exp(-beta P), > 0; with p0 = 0, c2 at zero stress
-    double beta_per_pa; // EXPONENTIAL: fall of ln c2 per stress, >= 0 (shear thinning)
+    double alpha_pa_s;  // EXPONENTIAL: factor alpha, > 0; if p0 = 0, it is c2 at zero stress
+    double beta_per_pa; // EXPONENTIAL: factor beta, decrease of ln c2 per unit of stress, >= 0
     double p0_pa;       // EXPONENTIAL, RAMP: stress up to which c2 is constant, 0 <= p0 < p1
     double p1_pa;       // EXPONENTIAL, RAMP: stress from which c2 is constant again
-    double c_max_pa_s;  // RAMP: c2 up to p0; >= c_min, so that a damper never flows slower under more load
+    double c_max_pa_s;  // RAMP: c2 at stresses up to p0; >= c_min, so that more load never slows the flow
     double c_min_pa_s;  // RAMP: c2 at stresses of p1 and above, > 0
-    // a0, share of the Voigt part in a new edge's length, a_min .. a_max; unused if the damper has no stops
+    // a0: share of the Voigt part in the length of a new edge, from a_min to a_max; unused if the damper has no stops
     double ratio;
-    double stroke[2]; // bounds a_min, a_max of the ratio a, in 0 .. 1; {0, 0}: the damper has no stops
+    // bounds a_min, a_max of the share of the Voigt part in an edge's length, from 0 to 1; {0, 0}: the damper has no
+    // stops
+    double stroke[2];
 } kn_material;
 
 // Return c2 at a stress of either sign, Pa s. Return INFINITY if the damper cannot move.

@@ -17,7 +17,7 @@
 
 typedef enum kn_structure {
     KN_STRUCTURE_DIAGONALS, // edges are the sides, face diagonals and body diagonals of the cells
-    // edges are the sides of the cells only: a block cannot keep its shape; exact for a single bar
+    // edges are the sides of the cells only; suited for a single row of nodes, but a block cannot keep its shape
     KN_STRUCTURE_AXIS
 } kn_structure;
 
@@ -28,9 +28,9 @@ typedef enum kn_support {
     KN_SUPPORT_FRICTION      // the object lies on a table with friction and can be lifted off
 } kn_support;
 
-typedef enum kn_skin_form { // skin of a block between its nodes, for every tool but a plate: see contact.h
+typedef enum kn_skin_form { // shape of a block's skin between the nodes, as all tools but plates see it (contact.h)
     KN_SKIN_SPLINE,         // quadratic B-spline with the nodes as control points
-    KN_SKIN_BILINEAR        // bilinear between four nodes; as good as the spline for tool radii of >= 2 spacings
+    KN_SKIN_BILINEAR // bilinear between four nodes; as good as the spline if the tool's radius is at least 2 spacings
 } kn_skin_form;
 
 typedef enum kn_probe_shape {
@@ -85,8 +85,9 @@ typedef struct kn_solver_def {
     // A step continues after `iterations` iterations while its preconditioned residual exceeds tolerance times the
     // largest residual of the last second. 0: a step never continues. Range [0, 1).
     double tolerance;
-    int passes;        // linearisations of the law per step: 1 in real time, 3-5 with SECANT for a converged reference
-    double mass_scale; // factor of the inertia, >= 1, for a longer stable step of RK4; equal at all quality points
+    int passes; // linearisations of the law per step: 1 in real time, 3-5 with SECANT for a converged reference
+    // factor of the inertia, >= 1; a larger factor keeps RK4 stable with longer steps; equal at all quality points
+    double mass_scale;
 } kn_solver_def;
 
 // The part of a kn_solver_def that may change from step to step. It sets how much time a step takes and how exact the
@@ -157,11 +158,11 @@ typedef struct kn_model {
     uint8_t *support;     // [node_count] bit k is set if the support holds component k of the node
     int top_count;        // number of nodes that a plate can hold
     int *top;             // [top_count] ids of the nodes that a plate can hold
-    double *top_share;    // [top_count] share of a load that is spread evenly over the top; sums to 1
+    double *top_share;    // [top_count] part of an evenly spread load that each top node carries; the sum is 1
     double size_m;        // longest extent of the undeformed object
-    double kappa_m;       // stiffness of an edge with weight 1, divided by Young's modulus E of the material
+    double kappa_m;       // ratio of the stiffness of an edge with weight 1 to Young's modulus E of the material
     kn_net_moduli moduli; // net: measured elastic constants; else 0
-    double creep_error;   // net: relative error of the creep strain that remains after the fit of gamma
+    double creep_error;   // net: relative error of the creep strain after gamma has been fitted
     double gamma;         // ratio of an edge's stress area to kappa weight L0
     const struct kn_kernels *kernels;
     kn_isa isa;     // instruction set in use, never AUTO
@@ -175,7 +176,7 @@ typedef struct kn_model {
     struct kn_shape *shape;     // [probe_count] shape of each probe; empty for a plate
     int base_count;             // number of nodes of the outside that the table can push: see lattice.h
     int *base;                  // [base_count] ids of the nodes that the table can push
-    double *base_area_m2;       // [base_count] area of the object's outside that belongs to each of these nodes
+    double *base_area_m2;       // [base_count] area of the object's outside that belongs to each node of `base`
     kn_edge *edges;             // [edge_count] list of edges of a net, or for RK4 and FIXED; else NULL
     int edge_count;
     kn_cell *cells;      // [cell_count] gas cells of a net, or of a block for RK4 and FIXED; else NULL
@@ -203,7 +204,7 @@ void kn_model_destroy(kn_model *model); // does nothing if `model` is NULL
 // Return true if this processor can run the kernels of an instruction set.
 bool kn_isa_supported(kn_isa isa);
 
-double kn_model_mass(const kn_model *model); // mass of the object without the factor mass_scale [kg]
+double kn_model_mass(const kn_model *model); // mass of the object, not multiplied by mass_scale [kg]
 
 // Return the number of reals in a field with `components` numbers per node, padding included.
 static inline size_t kn_model_field(const kn_model *model, int components)

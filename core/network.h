@@ -31,12 +31,13 @@
 #include <stdint.h>
 
 // Coefficients of the time integration: Hairer and Wanner, Solving ODEs II, table IV.6.5. The last stage is the result
-// of the step. If D[m] is KN_SDIRK_GAMMA h times the rate in stage m, then stage j starts from the strain
-// x + sum over m < j of row[j][m] / KN_SDIRK_GAMMA * D[m]. The division by KN_SDIRK_GAMMA is exact.
+// of the step. If D[m] is KN_SDIRK_GAMMA h times the rate in stage m, then stage j starts from the strain x + sum over
+// m < j of row[j][m] / KN_SDIRK_GAMMA * D[m]. Since KN_SDIRK_GAMMA is a power of two, the division has no rounding
+// error.
 #define KN_SDIRK_STAGES 5
 #define KN_SDIRK_GAMMA 0.25 // diagonal of the method
 
-// time of each stage, in step lengths h
+// time of each stage since the beginning of the step, divided by the step length h
 static const double kn_sdirk_time[KN_SDIRK_STAGES] = {1. / 4, 3. / 4, 11. / 20, 1. / 2, 1};
 static const double kn_sdirk_row[KN_SDIRK_STAGES][KN_SDIRK_STAGES] = {{0},
                                                                       {1. / 2},
@@ -48,15 +49,15 @@ static const double kn_sdirk_error[KN_SDIRK_STAGES] = {-3. / 16, -27. / 32, 25. 
 
 typedef struct kn_part {
     double modulus;                   // > 0. Spring: stiffness k, Pa. Damper: c of equation (1) or of the ramp, Pa s
-    double beta_per_pa, p0_pa, p1_pa; // damper: beta, p0, p1 of equation (1); beta 0: no exponential
-    double c_min_pa_s;                // damper: c_min of the ramp, which needs beta 0; 0: no ramp
+    double beta_per_pa, p0_pa, p1_pa; // damper: beta, p0, p1 of equation (1); beta = 0: c is constant or a ramp
+    double c_min_pa_s;                // damper: c_min of the ramp, which requires beta = 0; c_min = 0: no ramp
     bool stroke;                      // damper: its strain is limited by two stops
     double stop[2];                   // damper: least strain, <= 0, and largest strain, >= 0; compression is positive
 } kn_part;
 
 typedef struct kn_network {
     kn_element element;
-    kn_part part[KN_ELEMENT_MAX]; // parts of the element, by the leaf numbers of the element
+    kn_part part[KN_ELEMENT_MAX]; // parts of the element; the index is the leaf number in the element
 } kn_network;
 
 typedef enum kn_drive_kind {
@@ -79,7 +80,7 @@ typedef struct kn_network_state { // plain data of the caller: a copy is a snaps
     int8_t at_stop[KN_ELEMENT_MAX];     // damper at a stop: 1 fully compressed, -1 fully drawn, 0 between the stops
     double largest;                     // largest strain of a part so far; the tolerance is relative to this strain
     double step_s;                      // step length that the error of the last step allows
-    long steps, rejected;               // number of steps taken, and of steps repeated with a shorter length
+    long steps, rejected; // steps: number of steps taken; rejected: number of steps repeated with a shorter length
 } kn_network_state;
 
 // Return the network of a scene's material: (s1|d1)-d2 without parts that are zero or rigid.

@@ -46,7 +46,7 @@ typedef struct kn_passivity {         // state of observer and controller; the c
     double forgiven_j;                // sum of the energy debts that faded while no force was wanted
     int64_t acted;                    // number of periods in which the controller added damping
     double damping_n_s_m;             // damping a that the controller adds in this period
-    double position_m[3], force_n[3]; // position at the last sample, and force held since the last sample
+    double position_m[3], force_n[3]; // position_m: at the last sample; force_n: held since the last sample
     double before_n[3];               // force held in the period before the last sample
     bool running;                     // at least one sample has been observed
 } kn_passivity;

@@ -29,7 +29,7 @@ typedef struct kn_safety_limits { // the scene's `device:` profile; a field of 0
     double torque_clamp_n_m;      // limit of |torque|; default clamp_n * 0.05 m
     double guard_n_per_ms;        // impulse guard; default 4 N/ms, which no first touch at up to 1 m/s reaches
     double brake_m_s;             // above this speed the hand feels only damping, no contact; default 1.2 m/s
-    double brake_n_s_per_m;       // damping of a fast hand; default 1.5 N s/m
+    double brake_n_s_per_m;       // damping that a hand faster than brake_m_s feels; default 1.5 N s/m
     // ratio of the hand's force to the object's, applied before guard and clamp; default 1
     double force_scale;
     int hold_ms;    // the last force is held for at most this long without a pose; default 3
@@ -50,14 +50,15 @@ enum {
     KN_FLAG_BRAKE = 64,
     KN_FLAG_STALE = 128
 };
-typedef enum kn_fault { // a later fault of this list replaces an earlier one, but OVERLOAD replaces none
+// A fault replaces the faults above it in this list. But OVERLOAD replaces no fault, and all others replace OVERLOAD.
+typedef enum kn_fault {
     KN_FAULT_NONE,
     KN_FAULT_POSE_SILENCE, // no poses arrived; cleared when the tool is lifted, by a new session or by recover
     KN_FAULT_IMPULSE,      // the impulse guard tripped; cleared by a new session or by recover
     KN_FAULT_NONFINITE,    // a force was not finite; cleared by a reset of the object
     KN_FAULT_ESTOP,        // emergency stop by an operator; cleared by recover
     KN_FAULT_STOPPING,     // the server is stopping; never cleared
-    KN_FAULT_OVERLOAD      // poses arrived, but the server's ticks were late; cleared as POSE_SILENCE is
+    KN_FAULT_OVERLOAD // poses arrived, but the server's ticks were late; cleared by the same events as POSE_SILENCE
 } kn_fault;
 #define KN_FAULTS (KN_FAULT_OVERLOAD + 1)
 
@@ -71,7 +72,7 @@ const char *kn_fault_remedy(kn_fault fault); // static text that tells a user ho
 typedef struct kn_guard {
     double most_n_per_ms; // limit of the change of the force per ms
     double step_n[3];     // change of the force that was requested at the last hit [N]
-    int age[2];           // number of ticks since the last hit, and since the hit before it; at most 20
+    int age[2];           // [0]: number of ticks since the last hit, at most 20; [1]: since the hit before it
 } kn_guard;
 typedef enum kn_guard_result {
     KN_GUARD_FREE,    // the change of the force is allowed
@@ -79,7 +80,7 @@ typedef enum kn_guard_result {
     KN_GUARD_GOES_ON, // the change was cut again in the ms of the last hit: no new hit
     KN_GUARD_TRIPPED  // the guard tripped: the force must fade
 } kn_guard_result;
-void kn_guard_init(kn_guard *g, double most_n_per_ms); // set the limit (0: 4 N/ms) and forget all hits
+void kn_guard_init(kn_guard *g, double most_n_per_ms); // set the limit (4 N/ms if it is 0), forget all hits
 void kn_guard_age(kn_guard *g, int ticks);             // let `ticks` ticks of 1 ms pass
 // Pass a force through the guard. Before the call, force_n is the last force that got through. After the call, force_n
 // is asked_n, or as near to asked_n as the allowed change permits. allowed_n is the allowed change, N: most_n_per_ms
@@ -92,7 +93,8 @@ typedef struct kn_safety { // state of the output stage of one probe
     bool relimiting;  // the limits in `next` wait to come into use
     double gain;      // factor of the force, 0..1
     double gain_drop; // decrease of the gain in this tick
-    // contact force at the scale of the hand, after the guard, before clamp and gain; frozen without live contact
+    // contact force at the scale of the hand, after the guard, before clamp and gain; stays unchanged while the contact
+    // is not live
     double force_n[3];
     double torque_n_m[3];
     double brake_n[3]; // damping force that replaces the contact force of a hand faster than brake_m_s
@@ -111,8 +113,8 @@ typedef struct kn_safety { // state of the output stage of one probe
     kn_fault fault; // reason why the force is latched or fading
     // counts since init: ticks in which the clamp acted, ticks in which the guard acted, faults
     int64_t clamps, guards, faults;
-    int64_t slewed;             // number of ticks in which a ramp or a slope limited the force; not in snapshots
-    int64_t brakes;             // number of ticks with braking; not in snapshots
+    int64_t slewed; // ticks in which a gain below 1 or the limit on its slope changed the force; not in snapshots
+    int64_t brakes; // number of ticks with braking; not in snapshots
     int64_t tripped[KN_FAULTS]; // number of faults of each kind, indexed by kn_fault
 } kn_safety;
 
@@ -166,7 +168,7 @@ void kn_safety_trip(kn_safety *s, kn_fault fault);
 
 // The watchdog of a client that drives a device. It is needed because a killed server cannot ramp down its force. If
 // messages stop, the client holds the last force for hold_ms. Then the force fades, is zero at zero_ms, and stays zero
-// until kn_watchdog_rearm. If messages return before zero_ms, the force comes back in a ramp.
+// until kn_watchdog_rearm. If messages arrive again before zero_ms, a ramp brings the force back.
 typedef struct kn_watchdog {
     // hold_ms: time without a message until the force fades; zero_ms: time until the force is zero
     int hold_ms, zero_ms;
@@ -176,7 +178,7 @@ typedef struct kn_watchdog {
     bool tripped;  // messages were missing for zero_ms: the force stays zero until kn_watchdog_rearm
     int64_t trips; // number of times that the watchdog has tripped
 } kn_watchdog;
-void kn_watchdog_init(kn_watchdog *w, int hold_ms, int zero_ms); // hold_ms 0: 3 ms; zero_ms 0: hold_ms + 17 ms
+void kn_watchdog_init(kn_watchdog *w, int hold_ms, int zero_ms); // defaults if 0: hold_ms 3 ms, zero_ms hold_ms + 17 ms
 // Call every ms. `fresh`: a message has arrived since the last call. elapsed_ms: time since the last call. Return the
 // factor 0..1 by which to multiply the last received force.
 double kn_watchdog_tick(kn_watchdog *w, bool fresh, int elapsed_ms);

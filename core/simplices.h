@@ -30,14 +30,14 @@ typedef struct kn_simplices {
 kn_simplices *kn_simplices_create(int dimension, int node_count, int element_count);
 void kn_simplices_destroy(kn_simplices *s);
 
-#define KN_SIMPLICES_NODES_MAX (1 << 18) // forty times as many nodes as any processor steps in a millisecond
+#define KN_SIMPLICES_NODES_MAX (1 << 18) // largest number of nodes: forty times as many as any processor steps in 1 ms
 #define KN_SIMPLICES_ELEMENTS_MAX (1 << 21)
-// Least quality of an element. An element of lower quality is degenerate: in comparison with a regular element of
-// equally long edges, a tetrahedron has less than a thousandth of the volume, a triangle less than a hundredth of the
-// area.
+// Least quality of an element. An element of lower quality is degenerate. Compared with a regular element of the same
+// mean square edge length, such a tetrahedron has less than a thousandth of the volume, and such a triangle less than a
+// hundredth of the area.
 #define KN_SIMPLICES_QUALITY_MIN 0.01
-// Least mean quality of a mesh. With a lower mean, the lattice responds too late in some directions; measured with
-// `knead stability`, family aspect.
+// Least mean quality of a mesh. `knead stability`, family aspect, has shown that a lattice of lower mean quality
+// responds too late in some directions.
 #define KN_SIMPLICES_QUALITY_MEAN 0.25
 // Two nodes closer to each other than KN_SIMPLICES_COINCIDENT times the bounding box's diagonal count as one node that
 // was written twice.

@@ -29,8 +29,8 @@ const char *kn_snapshot_fit_name(kn_snapshot_fit fit); // static text for users,
 // The hash is equal on every machine.
 uint64_t kn_model_hash(const kn_model *model);
 
-// Return the number of bytes of the snapshot of a state. kn_snapshot_size_max returns an upper bound for all states of
-// the model, whose numbers of anchors differ.
+// Return the number of bytes of the snapshot of a state. The size depends on the number of anchors in the state.
+// kn_snapshot_size_max returns an upper bound for all states of the model.
 size_t kn_snapshot_size(const kn_model *model, const kn_state *state);
 size_t kn_snapshot_size_max(const kn_model *model);
 
@@ -52,16 +52,16 @@ bool kn_state_moved(const kn_model *model, const kn_state *a, const kn_state *b,
 
 // Change of an object's material: turn the state of one model into a state of another model with the same lattice.
 //
-// Positions, velocities, held nodes, anchors and the flow that the dampers have gone through stay the same. So does the
-// extension p - p0 = u gamma L0 of each Voigt part (p0: its natural length). The stored strain u belongs to the
-// beginning of the last step (law.h), so u at the end of that step follows from the new material. Forces and the stored
-// energy jump. To find the jump of the energy, call kn_energy_of (measure.h) for both states. The new density and
-// gravity act from the next step on.
+// Positions, velocities, held nodes, anchors and the flow that the dampers have gone through stay the same. The
+// extension p - p0 = u gamma L0 of each Voigt part also stays the same, where p0 is the part's natural length. The
+// stored strain u belongs to the beginning of the last step (law.h), so u at the end of that step follows from the new
+// material. Forces and the stored energy jump. To find the jump of the energy, call kn_energy_of (measure.h) for both
+// states. The new density and gravity act from the next step on.
 
 // Return NULL if a state of the model `from` can become a state of `to`, else the reason as a static text, e.g.
 // "another lattice". The two models must agree in nodes, edges, skin, solver, precision, support, kind of gas pressure,
-// tools and stops of the damper. Both or neither must have a damper. Both or neither must have contact that sticks.
-// Their contact must reach equally far.
+// tools and stops of the damper. If one of them has a damper or contact that sticks, so must the other. Both must have
+// room for equally many samples; adhesion and grip need more room.
 const char *kn_carry_misfit(const kn_model *from, const kn_model *to);
 
 // Convert the state `now` of the model `from` into the state `then` of the model `to`. `then` may come from

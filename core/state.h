@@ -35,10 +35,10 @@ typedef struct kn_anchor {
 // The fields of a state, which are saved and hashed in this order: name, number of reals per node. `strain` has one
 // real for each of a node's 13 forward edges.
 #define KN_STATE_FIELDS(X)                                                                                             \
-    X(displacement, 3)    /* m, from rest: exact to 1e-9 m in f32, which a coordinate would not be */                  \
+    X(displacement, 3)    /* m, from the rest position: exact to 1e-9 m in f32; a coordinate would be less exact */    \
     X(velocity, 3)        /* m/s, over the last step */                                                                \
     X(change, 3)          /* m/s, change of the velocity in the last step */                                           \
-    X(strain, KN_FORWARD) /* u of each forward edge, before the last step; absent (NULL) under KN_LAW_VOIGT */
+    X(strain, KN_FORWARD) /* u of each forward edge before the last step; NULL if the law is KN_LAW_VOIGT */
 
 #define KN_SECANT_REST 500 // number of steps with the secant linearisation after chatter was detected
 
@@ -93,7 +93,7 @@ typedef struct kn_output {
     kn_probe_output probe[KN_PROBES_MAX];
     double residual; // preconditioned norm of the step's last residual, relative to the largest norm of recent steps
     int iterations;  // number of conjugate gradient iterations of the last linearisation
-    int passes;      // number of linearisations solved; below the requested number if the law was met earlier
+    int passes;      // number of linearisations solved; fewer than requested if fewer already met the tolerance
     int64_t units;   // units of work that the step took, see step_effort.h
     bool capped;     // the residual was above the tolerance when iterations_max or the deadline ended the step
     bool secant;     // the step used the secant linearisation because chatter was detected

@@ -41,7 +41,8 @@ typedef struct kn_touch { // all 0: nothing touches
 
 typedef struct kn_touch_face {
     double u[3], v[3]; // unit vectors of the face's two directions, in the tool frame
-    // Along u and v. low_m: lowest corner of the face, from the tool's position; size_m: sides of the face.
+    // [0] along u, [1] along v. low_m: lowest corner of the face, relative to the tool's position; size_m: sides of the
+    // face.
     double low_m[2], size_m[2];
 } kn_touch_face;
 

@@ -1,7 +1,7 @@
 #ifndef KN_CORE_ALGEBRA_ALGEBRA_H
 #define KN_CORE_ALGEBRA_ALGEBRA_H
 // Linear algebra of three and six dimensions: vectors, orientations as quaternions w, x, y, z, and the motions (v, w)
-// of a rigid body. Sums run from the first component on, so all callers get the same bits.
+// of a rigid body. Every sum adds the components from the first to the last, so all callers get the same bits.
 #include <math.h>
 #include <stdint.h>
 
@@ -88,7 +88,8 @@ static inline void kn_six_velocity(const double v[6], const double arm[3], doubl
     at[2] = v[2] + (v[3] * arm[1] - v[4] * arm[0]);
 }
 
-// Add the force, which acts at `arm` from the reference point, to a wrench (force, torque). `sign` = -1 subtracts it.
+// Add a force that acts at `arm` from the reference point to a wrench (force, torque). With `sign` = -1, subtract the
+// force.
 static inline void kn_six_wrench(const double arm[3], const double force[3], double sign, double wrench[6])
 {
     for (int k = 0; k < 3; k++) wrench[k] += sign * force[k];

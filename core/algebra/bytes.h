@@ -1,7 +1,7 @@
 #ifndef KN_CORE_ALGEBRA_BYTES_H
 #define KN_CORE_ALGEBRA_BYTES_H
-// Plain values as bytes, little-endian, in the order of the calls. One description of a layout measures, writes and
-// reads it, so the three cannot differ:
+// A codec turns plain values into bytes and back: little-endian, in the order of the calls. The same calls measure,
+// write and read a layout, so size, writer and reader cannot differ:
 //
 //     kn_codec c = {0};                                  measures: c.at grows
 //     kn_codec c = {.to = bytes, .size = n};             writes
@@ -17,7 +17,7 @@
 typedef struct kn_codec {
     uint8_t *to;         // buffer to write to, else NULL
     const uint8_t *from; // buffer to read from, else NULL
-    size_t size, at;     // size of the buffer; offset of the next value in the buffer [bytes]
+    size_t size, at;     // size: size of the buffer; at: offset of the next value in the buffer [bytes]
     bool ended;          // the buffer ended before the last value
     bool wrong;          // the buffer ended too early, or a value was outside its range
 } kn_codec;
@@ -31,7 +31,8 @@ void kn_codec_f64(kn_codec *c, double *value, size_t count);              // all
 void kn_codec_reals(kn_codec *c, void *value, size_t count, bool single); // floats (single) or doubles, all finite
 
 // An arena hands out pieces of one block of memory, each aligned to 64 bytes. If `base` is NULL, the arena only adds up
-// the sizes. So one function can first measure a layout and then, called a second time, hand out its memory.
+// the sizes. So one function can serve twice: a first call with `base` NULL measures a layout, and a second call hands
+// out its memory.
 typedef struct kn_arena {
     char *base;
     size_t used;

@@ -16,13 +16,14 @@
 // the body creep like the 1-D element of the material. gamma is a property of the mesh, 0.55 to 0.9, and is also
 // fitted.
 //
-// Memory. A row of a field is one node, with its components side by side. Edges are ordered by their lower node.
+// Memory. A row of a field is one node, with its components side by side. The list of edges is sorted by the lower of
+// the two node ids of an edge.
 #include "core/solve/kernel.h"
 
 #define KN_NO_MEMORY "not enough memory for the model"
 
-// Allocate the model's arrays for `nodes` nodes and `top` top nodes, or for `cells` cells. Return false if memory is
-// short.
+// kn_model_nodes allocates the model's arrays of nodes and of top nodes, kn_model_cells its arrays of cells. The
+// parameters are the numbers of entries. Return false if memory is short.
 bool kn_model_nodes(kn_model *model, int nodes, int top);
 bool kn_model_cells(kn_model *model, int cells);
 
@@ -45,7 +46,7 @@ const char *kn_net_build(kn_model *model);
 bool kn_lattice_edges(kn_model *model);
 bool kn_lattice_cells(kn_model *model);
 
-// List the nodes of the object's outside that the table can push, with their areas. Return false if memory is short.
+// List the nodes on the object's outside that the table can push up, with their areas. Return false if memory is short.
 bool kn_base_build(kn_model *model);
 
 // Return the area that a triangle of three skin nodes has at rest, m^2.
@@ -86,16 +87,17 @@ typedef struct kn_tie { // a node that follows the mean of its masters
 
 typedef struct kn_composite {
     kn_kernels kernels;       // kernels of the whole model: the parts' kernels and the ties
-    const kn_kernels *inside; // kernels that run on one part at a time
+    const kn_kernels *inside; // kernels of a single part; they run on one part after the other
     int part_count;
     // [part_count] a regular block for each part, with its grid, law and tables. A part has no arrays of nodes; the
     // arrays of the whole model hold the nodes of all parts.
     struct kn_model *part;
     int corner[KN_COMPOSITE_PARTS][3]; // first corner of each part, in fine cells
     int coarse[KN_COMPOSITE_PARTS];    // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere
-    // number of the first node and of the first row of each part; one further entry holds the total number
+    // index of the first node and of the first row of each part; a last entry holds the total number
     int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
-    kn_tie *tie; // ties of all parts, in the order of the tied nodes' parts; the masters of a tie are in earlier parts
+    // ties of all parts, sorted by the part of the tied node; the masters of a tie are in earlier parts
+    kn_tie *tie;
     int tie_first[KN_COMPOSITE_PARTS + 1];
     // Ids of the coarse nodes: the node at every place whose three coordinates in fine cells are even, x fastest. If
     // several coarse parts have a node at this place, the entry is the id of the node in the earliest part. Inside the
@@ -104,9 +106,9 @@ typedef struct kn_composite {
 } kn_composite;
 
 // Find the smallest fine box that contains the points from low_m to high_m (scene's frame) and a margin of margin_m
-// around and below these points. fine[0] and fine[1] are its first and last corner in fine cells, all numbers even. The
-// box reaches up to the top of the block. Return false if the box would be the whole block, because a composite then
-// saves nothing.
+// around and below these points. fine[0] and fine[1] are the box's first and last corner in fine cells; all six numbers
+// are even. The box always reaches up to the top of the block. Return false if the box would be the whole block,
+// because a composite then saves nothing.
 bool kn_composite_box(const kn_model_def *def, const double low_m[3], const double high_m[3], double margin_m,
                       int fine[2][3]);
 
@@ -123,7 +125,7 @@ const char *kn_composite_check(const kn_model_def *def);
 
 // Build the nodes, faces and kernels of a model with a fine box. Return NULL, or a sentence that says what is wrong.
 const char *kn_composite_build(kn_model *model);
-void kn_composite_destroy(kn_composite *composite); // NULL is fine
+void kn_composite_destroy(kn_composite *composite); // does nothing if `composite` is NULL
 
 // Store the displacement, m, at the place ixyz, counted in fine cells. Outside the fine box, the result is the mean of
 // the coarse nodes around the place. Works for any block.
@@ -136,7 +138,7 @@ size_t kn_composite_bytes(const kn_model *model);
 // half its weight in each.
 int kn_composite_edges(const kn_model *model);
 
-// Return the master node that lies in the same place as `node`, or `node` itself if it has no master in its place.
+// If a master of `node` lies in the same place as `node`, return this master; otherwise return `node`.
 int kn_composite_master(const kn_model *model, int node);
 
 // Return the number of tied nodes. A tied node follows its masters and carries no load itself.

@@ -19,7 +19,7 @@ typedef struct kn_spring {
 // The values of one edge at the end of the last step.
 typedef struct kn_spring_now {
     double length_m;
-    double voigt;     // strain u of the Voigt part: its extension divided by gamma L0
+    double voigt;     // strain u of the Voigt part: the part's extension divided by gamma L0
     double stress_pa; // stress s of law.h, tension positive
     double residual;  // permanent part of (L - L0)/L0
 } kn_spring_now;
@@ -36,7 +36,7 @@ typedef struct kn_springs {
 
 // List the edges. Allocates; returns false if memory is short.
 bool kn_springs_init(kn_springs *springs, const kn_model *model);
-void kn_springs_free(kn_springs *springs); // free the list; does nothing to a zeroed struct
+void kn_springs_free(kn_springs *springs); // free the list; does nothing if the struct is all 0
 
 // Return the values of edge `number` at the end of the last step. Takes some 100 ns, because a force-dependent law is
 // solved by Newton's method. Real-time safe.
@@ -60,7 +60,8 @@ kn_spring_now kn_spring_look(const kn_springs *springs, const kn_state *state, i
 typedef enum kn_measure { KN_MEASURE_DISPLACEMENT, KN_MEASURE_STRESS, KN_MEASURE_RESIDUAL, KN_MEASURES } kn_measure;
 
 typedef struct kn_measure_name {
-    const char *name, *words, *unit; // name in LCM messages, text for users, unit; unit "": dimensionless, 0.1 is 10 %
+    // name: in LCM messages; words: text for users; unit: "" for a ratio, where 0.1 means 10 %
+    const char *name, *words, *unit;
 } kn_measure_name;
 extern const kn_measure_name kn_measure_names[KN_MEASURES];
 
@@ -95,7 +96,8 @@ void kn_gauge_read_all(kn_gauge *gauge, const kn_state *state, double *const val
 // edge, at 1.5 and 12 us each.
 
 #define KN_AUDIT_TICKS 1000 // ticks between two copies of the state
-#define KN_AUDIT_SHARE 0.01 // tolerated creation of energy, as a share of the work done in either direction
+// ratio of the tolerated created energy to the tools' work, where negative work counts as positive
+#define KN_AUDIT_SHARE 0.01
 
 typedef struct kn_energy { // energy stored in the object, J; all 0 for the undeformed object at rest
     double kinetic, elastic, gas, height;
@@ -110,7 +112,7 @@ typedef struct kn_audit_news {
     // Energy dissipated since the first copy of this object's state: work minus increase of the stored energy; < 0:
     // energy was created.
     double balance_j;
-    int64_t windows; // number of intervals between two copies that were judged since the audit was created
+    int64_t windows; // number of intervals judged since the audit was created; an interval lies between two copies
     int64_t created; // number of intervals in which more energy was created than is tolerated
     double most_j;   // most energy created in one interval
 } kn_audit_news;
@@ -131,7 +133,8 @@ void kn_audit_restart(kn_audit *audit);
 void kn_audit_follow(kn_audit *next, const kn_audit *last);
 
 // Continue the audit after a tick. Call after every tick, also after a tick that reset the object. Real-time safe: one
-// call in KN_AUDIT_TICKS copies the state, and the other calls sum the energy of some edges, nodes or cells.
+// call in KN_AUDIT_TICKS copies the state. Each of the other calls sums the energy of some edges, nodes or cells of the
+// copy.
 void kn_audit_tick(kn_audit *audit, const kn_state *state);
 
 const kn_audit_news *kn_audit_read(const kn_audit *audit);

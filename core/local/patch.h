@@ -29,13 +29,13 @@ void kn_patches_reset(kn_patches *patches);           // forget all patches of a
 void kn_patches_begin(kn_patches *patches, int p);
 void kn_patches_press(kn_patches *patches, int node, double force_n);
 
-// End the grouping. Bit i of the result is set if patch number i is in use. share[i][j] is the share of the old patch j
-// that the new patch i has taken over, by present load: the load on nodes of j that are now in i, divided by the load
-// on all nodes of j that are still pressed. The share is 0 if the number j was not in use.
+// End the grouping. Bit i of the result is set if patch number i is in use. share[i][j] tells which share of the old
+// patch j the new patch i has taken over. It is the present load on the nodes of j that are now in i, divided by the
+// present load on all nodes of j that are still pressed. If number j was not in use, share[i][j] is 0.
 unsigned kn_patches_end(kn_patches *patches, double share[KN_PATCHES_MAX][KN_PATCHES_MAX]);
 
-// Return the number of the patch of probe p that a node belongs to since the last kn_patches_end for this probe. Return
-// -1 if the node belongs to no patch.
+// Return the number of the patch of probe p to which a node belongs, or -1 if it belongs to none. The patches are those
+// of the last kn_patches_end for this probe.
 int kn_patches_at(const kn_patches *patches, int p, int node);
 
 // Return the neighbours of a node on the skin, pressed or not, and store their count. The list belongs to `patches`.
@@ -47,18 +47,18 @@ const int *kn_patches_near(const kn_patches *patches, int node, int *count);
 // is a surface file. The tool may already press other places. (A tool of one convex part has only one such place, see
 // kn_clearance.)
 //
-// A sweep visits every node of the skin, some of them in each tick. A node becomes a place if it is nearer to the tool
-// than all neighbours of the node, and if no pressed patch is next to the node. The places stay the same
-// until the next sweep is complete.
+// A sweep visits every node of the skin. It is spread over several ticks. A node becomes a place if it is nearer to the
+// tool than all neighbours of the node, and if no pressed patch is next to the node. The places stay the same until the
+// next sweep is complete.
 //
-// kn_ahead_places computes the exact point, distance and direction of a place. It starts at the node and moves along
-// the skin by (d + r) times the tangential part of the distance gradient. Here d is the distance at the node and r the
-// tool's smallest half width. If the tool's surface near the place is a ball of radius r, the result is the nearest
-// point.
+// kn_ahead_places computes the exact point, distance and direction of a place. To find the point, the function starts
+// at the node and moves along the skin by (d + r) times the tangential part of the distance gradient, where d is the
+// distance at the node and r the tool's smallest half width. If the tool's surface near the place is a ball of radius
+// r, the result is the nearest point.
 
 typedef struct kn_place {
     int node;         // node of the skin at which the sweep found the place
-    double gap_m;     // distance from the tool to the skin; > 0: no contact
+    double gap_m;     // distance from the tool to the skin, positive without contact
     double normal[3]; // unit normal of the skin, out of the object
     double arm_m[3];  // vector from the tool's position to the point of the tool that will touch [m]
 } kn_place;
@@ -101,19 +101,19 @@ typedef struct kn_mobility kn_mobility;
 kn_mobility *kn_mobility_create(const kn_model *model);
 void kn_mobility_destroy(kn_mobility *m); // does nothing if `m` is NULL
 
-// Solve for the impedance at the contact of probe `p` (a round): call begin, then load for every force of the pattern
-// (`offset`: the node's model->offset), then start. Then call iterate until it returns true. These and the functions
-// below are real-time safe.
+// A round computes the impedance at the contact of probe `p`. Call begin, then load for every force of the pattern,
+// then start. Then call iterate until it returns true. `offset`: entry of model->offset for the node on which the force
+// acts. These and the functions below are real-time safe.
 void kn_mobility_begin(kn_mobility *m, int p);
 void kn_mobility_load(kn_mobility *m, size_t offset, const double force_n[3]);
 void kn_mobility_start(kn_mobility *m);
 
-// Do one iteration of the solve, which takes about 20 ns per node. Return true when the solve is complete. Then
-// *a_n_s_per_m is the new impedance, or 0 if the solve failed.
+// Do one iteration of the round, which takes about 20 ns per node. Return true when the round is complete. Then
+// *a_n_s_per_m is the new impedance, or 0 if the round failed.
 bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m);
 
-// Return the scalar product of force_n and the velocity of a node, W. The velocity is the response of the object to the
-// whole pattern of forces, 1 N in sum, from the last successful solve for probe p.
+// Return the scalar product of force_n and the velocity of a node, W. This velocity is the response of the object to
+// the whole pattern of forces, whose sum is 1 N. It comes from the last successful round for probe p.
 double kn_mobility_rate(const kn_mobility *m, int p, size_t offset, const double force_n[3]);
 
 #endif

@@ -7,18 +7,19 @@
 #include "core/scene/scene.h"
 #include "core/shape.h"
 
-// Source of a value: the default, a file, or a --set option; options have the numbers 0, 1, ... in their order.
+// Source of a value: the default, a file, or a --set option; the options are numbered 0, 1, ... in the order of the
+// command line.
 enum { KN_SOURCE_DEFAULT = -2, KN_SOURCE_FILE = -1 };
 
 typedef struct kn_mark { // place where a value was written
     int source;          // KN_SOURCE_DEFAULT, KN_SOURCE_FILE or the number of the --set option
     int line, col;       // line and column in the file, from 1
     bool per_height;     // the modulus is written per metre of specimen height, e.g. in Pa/m
-    bool library;        // the value is not written in the scene, but comes with a named material or a device profile
+    bool library;        // the value comes with a named material or a device profile, not from the text of the scene
 } kn_mark;
 
-// Number of slots. A slot numbers one owner of keys: slot 0 is the scene, slot 1 + p is probe p. The slots after the
-// probes are the parts of the unions: KN_PARTS_MAX parts of probe 0, then those of probe 1, ...
+// Number of slots. Each owner of keys has a slot. Slot 0 belongs to the scene, slot 1 + p to probe p. After the probes
+// come the parts of the unions: KN_PARTS_MAX slots for the parts of probe 0, as many for those of probe 1, and so on.
 #define KN_SLOTS (1 + KN_PROBES_MAX * (1 + KN_PARTS_MAX))
 
 // Return the slot of part number `part` (from 0) of the probe whose slot is `slot`.
@@ -26,7 +27,7 @@ static inline int kn_slot_of_part(int slot, int part) { return 1 + KN_PROBES_MAX
 
 typedef struct kn_draft_surface { // surface file of a tool that is a mesh
     char path[KN_PATH_MAX];       // path of the file: as written in the scene, absolute after the file has been read
-    int unit;                     // unit of length in the file: index in the list of words of the key (keys.h)
+    int unit;                     // unit of length in the file: index in kn_draft_units_per_m
     uint64_t hash;                // hash of the file's contents
     double cell_m;                // side of a cell of the grid of distances (core/field.h)
 } kn_draft_surface;
@@ -34,7 +35,7 @@ typedef struct kn_draft_surface { // surface file of a tool that is a mesh
 typedef struct kn_draft_part {   // part of a union
     int kind;                    // kn_probe_shape of the part minus KN_PROBE_SPHERE, because a part cannot be a plate
     kn_probe_def as;             // shape and sizes of the part; the other members are unused
-    double at_m[3], turn_rad[3]; // position of the part in the tool's frame; angles of its rotation about x, y, z
+    double at_m[3], turn_rad[3]; // at_m: position of the part in the tool's frame; turn_rad: its rotation about x, y, z
 } kn_draft_part;
 
 typedef struct kn_draft_point { // values of the mapping quality.NAME, one quality point (see kn_quality)
@@ -51,7 +52,7 @@ typedef struct kn_draft {
     double margin_m;
     int variant;       // variant of the material: 0 rheological, 1 viscoelastic, 2 plastic
     bool is_part;      // the draft is read from a file of a material or a device, not from a scene
-    int profile;       // device profile: index in the list of words of the key (keys.h)
+    int profile;       // device profile: index of its name in the words of the key device.profile (keys.h)
     bool device_whole; // the canonical text contains all keys of the device, not only its name and limits
     int chosen;        // kn_quality of the chosen quality point
     kn_draft_point fast, balanced, accurate;
@@ -59,7 +60,7 @@ typedef struct kn_draft {
     const char *point;  // name of the quality point that is being checked, for error messages; NULL: none
     // path of the object's mesh: as written, absolute after the mesh has been read. "": the object is a block
     char mesh_path[KN_PATH_MAX];
-    // unit of length in the mesh: index in the list of words of the key (keys.h)
+    // unit of length in the mesh: index in kn_draft_units_per_m
     int mesh_unit;
     uint64_t mesh_hash;                               // hash of the mesh file's contents
     kn_draft_part part[KN_PROBES_MAX * KN_PARTS_MAX]; // parts of all unions, in the order of their slots
@@ -162,7 +163,8 @@ typedef struct kn_draft_file {
     bool (*load)(kn_draft *draft, int slot, const char *path, uint64_t *hash);
 } kn_draft_file;
 bool kn_draft_read(kn_draft *draft, const kn_draft_file *file);
-extern const double kn_draft_units_per_m[4]; // units per metre for the words m, cm, mm, um of a key mesh_unit
+// units per metre for m, cm, mm, um, in the order of the words of the keys mesh_unit
+extern const double kn_draft_units_per_m[4];
 
 // Return the canonical text of a finished draft; the caller frees the text. Return NULL if memory is short.
 char *kn_draft_format(kn_draft *draft);

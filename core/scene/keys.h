@@ -63,7 +63,7 @@
   X(MARGIN, DIAGONALS, "object.margin", REAL, 1, "m", 1e-5, 1, "",                                                    \
     margin_m, "margin of fine cells around the reach of the tools; none: 0.7 times the width of the widest tool")     \
   X(PRESSURE, ALWAYS, "object.pressure", CHOICE, 1, "none|cells|object", 0, 0, "none",                                \
-    scene.model.pressure, "gas enclosed in each cell, or in the object as a whole; the gas keeps the volume")         \
+    scene.model.pressure, "gas enclosed in each cell or in the whole object; it resists changes of volume")           \
   X(INSIDE_PRESSURE, PRESSURE, "object.inside_pressure", REAL, 1, "Pa", 100, 1e8, "1 atm",                            \
     scene.model.inside_pressure_pa, "absolute pressure of the enclosed gas at rest")                                  \
   X(SKIN, BLOCK, "object.skin", CHOICE, 1, "spline|bilinear", 0, 0, "",                                               \
@@ -71,7 +71,7 @@
     "shape of the skin between nodes in contact; none: spline, smoother under tools of a radius below 2 spacings")    \
   X(VARIANT, ALWAYS, "material.variant", CHOICE, 1, "rheological|viscoelastic|plastic", 0, 0, "rheological",          \
     variant,                                                                                                          \
-    "rheological: values as written; the others follow the second paper's rules; short form: material: NAME-VARIANT") \
+    "rheological: values as written; others by rules of the second paper; short form: material: NAME-VARIANT")        \
   X(K1, ALWAYS, "material.k1", MODULUS, 1, "Pa", 0, 1e9, NULL,                                                        \
     scene.model.material.k1_pa, "modulus of the spring in the Voigt element")                                         \
   X(C1, ALWAYS, "material.c1", MODULUS, 1, "Pa*s", 0, 1e9, NULL,                                                      \
@@ -121,7 +121,7 @@
   X(TORQUE_CLAMP, ALWAYS, "device.torque_clamp", REAL, 1, "N*m", 1e-3, 10, "(0.05 m * clamp)",                        \
     scene.limits.torque_clamp_n_m, "largest torque on a hand")                                                        \
   X(GUARD, ALWAYS, "device.guard", REAL, 1, "N/ms", 0.1, 100, "4 N/ms", scene.limits.guard_n_per_ms,                  \
-    "impulse guard: largest change of force per ms; after a gap in the poses, per ms of gap up to device.hold")       \
+    "impulse guard: largest change of force per ms; n times as large after n ms without a pose, n <= device.hold")    \
   X(BRAKE_SPEED, ALWAYS, "device.brake_speed", REAL, 1, "m/s", 0.05, 5, "1.2 m/s",                                    \
     scene.limits.brake_m_s, "speed of the hand above which the force is only a damping force")                        \
   X(BRAKE_DAMPING, ALWAYS, "device.brake_damping", REAL, 1, "N*s/m", 0.01, 10, "1.5 N*s/m",                           \
@@ -145,7 +145,7 @@
   X(DEVICE_WORKSPACE, ALWAYS, "device.workspace", REAL, 3, "m", 1e-3, 10, "(profile)",                                \
     scene.device.workspace_m, "extent of the device's workspace along its own axes")                                  \
   X(DEVICE_STIFFNESS, ALWAYS, "device.stiffness_limit", REAL, 1, "N/m", 1, 1e7, "(profile)",                          \
-    scene.device.stiffness_limit_n_m, "stiffest wall that the device renders cleanly, as its makers or users say")    \
+    scene.device.stiffness_limit_n_m, "stiffest wall that the device renders without vibration, as published")        \
   X(DEVICE_FORCE_AXES, ALWAYS, "device.force_axes", INTEGER, 1, "", 0, 3, "(profile)",                                \
     scene.device.force_axes, "number of axes along which motors make a force")                                        \
   X(DEVICE_TORQUE_AXES, ALWAYS, "device.torque_axes", INTEGER, 1, "", 0, 3, "(profile)",                              \
@@ -246,7 +246,7 @@
     hash, "hash of the surface file; a file with another hash is refused")                                            \
   X(SURFACE_CELL, SURFACE, "probes.NAME.mesh_cell", REAL, 1, "m", 1e-5, 1, "",                                        \
     cell_m,                                                                                                           \
-    "cell side of the grid of distances to the surface; none: spacing/8, up to spacing/3 if the grid exceeds 8 MiB")
+    "cell side of the grid of distances to the surface; none: spacing/8, or wider to fit 8 MiB, up to spacing/3")
 
 // Keys of one part of a union: the part's shape and sizes, named like those of a probe, and its place in the tool.
 #define KN_PART_KEYS(X)                                                                                               \

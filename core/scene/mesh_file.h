@@ -110,8 +110,8 @@ size_t kn_words_next(kn_words *w, char text[KN_WORD_MAX]);
 bool kn_words_integer(kn_words *w, kn_width width, long least, long most, long *value, const char *what);
 bool kn_words_real(kn_words *w, double *value); // the number must be finite
 
-// Check that the file still has `count` times `each` bytes: the fewest that `count` items take. Call before memory for
-// the items is allocated. `what`: name of the items for error messages.
+// Check that the rest of the file is long enough for `count` items of at least `each` bytes. Call before memory for the
+// items is allocated. `what`: name of the items for error messages.
 bool kn_words_room(kn_words *w, long count, size_t each, const char *what);
 
 // Skip the line end that comes before binary data. In a text file, do nothing.

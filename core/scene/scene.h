@@ -1,8 +1,8 @@
 #ifndef KN_CORE_SCENE_H
 #define KN_CORE_SCENE_H
-// A scene: YAML text, in which values have units, becomes the definitions from which the model and the servo loop are
-// built. The text is parsed, then validated. Every error is one line, `file:line:col: what is wrong, what was
-// expected`. Loading and parsing allocate memory and read files: not for a real-time loop.
+// A scene is YAML text in which values have units. Loading parses and validates the text, and turns it into the
+// definitions from which the model and the servo loop are built. Every error is one line, `file:line:col: what is
+// wrong, what was expected`. Loading and parsing allocate memory and read files: not for a real-time loop.
 #include "core/device.h"
 #include "core/model.h"
 #include "core/safety.h"

@@ -30,7 +30,7 @@
 #include "core/solve/tool.h"
 
 #define KN_FOUNDATION_N_M3 2.5e7 // default stiffness: the yield pressure of dough, 7.8 kPa, gives a depth of 0.3 mm
-// foundation stiffness of the table: under its weight, dough as high as a hand sinks into the table by 0.05 mm
+// foundation stiffness of the table: a block of dough 10 cm high sinks into the table by 0.01 mm under its own weight
 #define KN_TABLE_N_M3 1e8
 #define KN_LAYER 0.5    // ratio of a coupled tool's layer thickness to the tool's smallest half width
 #define KN_STICTION 1.2 // ratio of static to sliding friction
@@ -65,15 +65,15 @@ typedef struct kn_sample { // a point of the skin near a tool
     double layer_m;
     // present coefficient of Coulomb friction, static or sliding; 0: no friction; INFINITY: the tool grips the sample
     double friction;
-    double stretch_m[3];            // tangential displacement e on the tool since the sample began to stick [m]
-    double rate_m_s[3];             // velocity of the skin at the sample, for the last field that `look` has read
-    struct kn_sample_line {         // linearised contact force of the sample, set by the solver
-        bool active;                // true: the force along the normal is slope_n_m * depth + offset_n; false: 0
+    double stretch_m[3];    // tangential displacement e on the tool since the sample began to stick [m]
+    double rate_m_s[3];     // velocity of the skin at the sample in the last field of velocities passed to look()
+    struct kn_sample_line { // linearised contact force of the sample, set by the solver
+        bool active;        // the force along the normal is slope_n_m * depth + offset_n, or 0 if not active
         double slope_n_m, offset_n; // tangent of the pressure law; without a layer the slope is k A and the offset is 0
         // Stiffness along the skin. It is k A while the sample sticks. While the sample slides, it is a secant
         // stiffness, chosen so that the friction force at the end of the step lies on Coulomb's cone.
         double side_n_m;
-    } line, last;      // present linearisation; linearisation before the last update
+    } line, last;      // line: present linearisation; last: linearisation before the last update
     double force_n[3]; // set by the solver: force on the skin
     double pressing_n; // set by the solver: part of force_n along the normal; < 0: the sample pulls
     uint64_t key;      // number by which the next step finds this sample again, see key_of in contact.c
@@ -96,7 +96,7 @@ int kn_contact_samples(const kn_model *model);
 size_t kn_contact_bytes(const kn_model *model);
 void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory);
 
-// Return the number of anchors that a state has room for: one per sample if any contact of the model sticks, else 0.
+// Return the number of anchors for which a state has room: one per sample if any contact of the model sticks, else 0.
 size_t kn_contact_anchors(const kn_model *model);
 
 // Begin the step of every tool (kn_tool_begin), then list the held nodes and the samples at the present positions. The
@@ -107,7 +107,8 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
 // nodal velocities in the model's precision, as state->velocity does.
 double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field);
 
-// Set the force on a sample to stiffness times present depth, along the normal. Explicit solvers use this function.
+// Set the force on a sample: foundation stiffness times present depth, along the normal. Explicit solvers use this
+// function.
 void kn_sample_push(kn_sample *s);
 
 // End a step: sum the forces on each tool, release held nodes that pull, store the anchors of sticking samples, and

@@ -15,11 +15,11 @@
 // holds the node. So the contact force needs no extra work.
 #include "core/state.h"
 
-// Solver vectors in the scratch part of a state, in the model's precision. When edge is called, r and P must be zero or
-// contain only contact terms. When apply is called, q must be zero.
+// Solver vectors in the scratch part of a state, in the model's precision. Before a call of the kernel `edge`, r and P
+// must be zero or contain only contact terms. Before a call of the kernel `apply`, q must be zero.
 typedef struct kn_work {
     // a leading (3) or (6) is the number of components per node
-    void *guess; // (3) velocity sought; starts as the last velocity, with prescribed components overwritten
+    void *guess; // (3) velocity to be solved for; starts as the last velocity, or the prescribed one if there is one
     void *r;     // (3) residual force of each node [N]
     void *q;     // (3) product A d of the step's matrix and the search direction
     void *d;     // (3) search direction of the conjugate gradients
@@ -31,10 +31,13 @@ typedef struct kn_work {
     void *free;  // (3) 1 if a component is free, 0 if its velocity is prescribed
     void *whole; // (6) composite: diagonal blocks before constraints and inversion; else NULL
     // With gas in each cell: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 reals per cell (flat 8, net 12).
-    // With one gas pressure for the whole object: this vector for every node, 3 reals per node. Without gas: NULL.
+    // With one gas pressure for the whole object: the same expression with dV/dx of every node, 3 reals per node.
+    // Without gas: NULL.
     void *cell;
-    uint8_t *row_held; // [rows] 1: at least one component of the row's nodes is prescribed
-    // [rows] 1: a prescribed velocity in this row differs from that of the last step, so the law is evaluated twice
+    // one flag per row; 1: at least one component of the row's nodes is prescribed
+    uint8_t *row_held;
+    // one flag per row; 1: a prescribed velocity in the row differs from that of the last step, so the law is evaluated
+    // twice
     uint8_t *row_moved;
 } kn_work;
 

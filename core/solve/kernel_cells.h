@@ -19,15 +19,15 @@ typedef struct cells {
     lanes j;           // J = V/V0, volume relative to the volume at rest
 } cells;
 
-// List the rows of nodes that hold the corners of the cells from row b of plane c on. Return false if there is no such
-// cell, because the row is at the end of the block.
+// Store in to[] the rows of nodes that hold the corners of one row of cells. The first of them is row b of plane c.
+// Return false if no cells begin at this row, because it is at the end of the block.
 LANES_INLINE bool cell_rows(const tables *t, int row, int b, int c, int to[4])
 {
     for (int r = 0; r < 4; r++) to[r] = row + t->cell_to[r];
     return (t->rows == 1 || b + 1 < t->rows) && (t->planes == 1 || c + 1 < t->planes);
 }
 
-// Load a component of a field at the near (0) or the far (1) corners along a row, for sixteen cells.
+// Load a component of a field for sixteen cells at their near (`end` = 0) or far (`end` = 1) corners along the row.
 LANES_INLINE lanes cell_end(int K, const real *field, int row, int component, int k, int end)
 {
     return end ? near(K, field, row, component, k, 1) : lanes_load(field + at(K, row, 3, component, k));
@@ -301,7 +301,7 @@ static double object_product(const kn_model *model, kn_state *state)
     return rate * rate;
 }
 
-// --- what edge and apply call ---------------------------------------------------------------------------------------
+// --- gas in the kernels edge and apply ------------------------------------------------------------------------------
 
 // Add the gas forces to the residual r, and the slope of the pressure to the diagonal blocks.
 static void pressure_add(const kn_model *model, kn_state *state)
@@ -340,7 +340,7 @@ static void build_cells(tables *t, const kn_model *model)
     t->cell_axis[0] = g->axis[0];
     t->cell_axis[1] = g->axis[upright ? 2 : 1];
     t->cell_axis[2] = g->axis[2];
-    // distance from the first row of a cell's corners to each of its other rows, in rows
+    // for the rows that hold a cell's corners: distance of each row from the first one, in rows
     t->cell_to[1] = 1;
     t->cell_to[2] = g->len[1];
     t->cell_to[3] = g->len[1] + 1;

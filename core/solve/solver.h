@@ -36,7 +36,7 @@ typedef struct kn_scratch {
     kn_rigid rigid;       // implicit
     int *last_held;       // implicit: nodes whose velocities the last step prescribed
     int last_held_count;
-    uint8_t *row_base; // implicit: [rows] 1 where the support holds a node of the row
+    uint8_t *row_base; // implicit: one flag per row; 1: the support holds a node of the row
     // RK4: the arrays of kn_boundary
     uint8_t *fixed;
     double (*velocity)[3], (*force)[3], (*reaction)[3];
@@ -85,7 +85,7 @@ double kn_foundation_apply(const kn_model *model, kn_scratch *scratch);
 // linearised forces of all samples and the residual r. Return the number of samples whose decision has changed.
 int kn_foundation_change(const kn_model *model, kn_scratch *scratch);
 
-// Compute the final force of every sample (force_n, pressing_n) and the velocities of coupled tools from the solution.
+// From the solution, compute the final force of every sample (force_n, pressing_n) and the velocities of coupled tools.
 void kn_foundation_read(const kn_model *model, kn_scratch *scratch);
 
 // Add the resistance of all active samples to a rigid motion of the object about `centre_m`, sum dt J'KJ, to the lower

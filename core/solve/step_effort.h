@@ -30,23 +30,25 @@
 // A step is an impact if it exceeds one of the limits POWER, RATE, PRESS or WAY. POWER, RATE and PRESS are multiples of
 // the power, the velocity or the pressure at which an edge begins to flow (stress p1).
 #define KN_IMPACT_PASSES 6   // largest number of linearisations of the law in the step of an impact
-#define KN_IMPACT_POWER 3.0  // limit of r.z (kernel.h) per node at the start of a step; below 1 in a gentle press
-#define KN_IMPACT_RATE 16.0  // limit of the change of a held node's velocity; below 6 in a gentle press
-#define KN_IMPACT_PRESS 0.08 // limit of the change of a sample's pressure; below 0.04 in a gentle press
-// Limit of the path of a held node in one step, relative to the length of a compressed edge; the ratio is below 0.01 in
-// a gentle press.
+#define KN_IMPACT_POWER 3.0  // limit of r.z (kernel.h) per node at the start of a step; a gentle press stays below 1
+#define KN_IMPACT_RATE 16.0  // limit of the change of a held node's velocity; a gentle press stays below 6
+#define KN_IMPACT_PRESS 0.08 // limit of the change of a sample's pressure; a gentle press stays below 0.04
+// Limit of the path of a held node in one step, divided by the length of a compressed edge. A gentle press stays below
+// 0.01.
 #define KN_IMPACT_WAY 0.03
-#define KN_IMPACT_RECENT 0.9 // ratio to which the largest residual after an impact has faded after a tenth of a second
-#define KN_IMPACT_AFTER 0.1  // factor of KN_IMPACT_POWER for a tenth of a second after an impact
+// The largest residual decays over a second. In a tenth of a second after an impact, it falls to this fraction.
+#define KN_IMPACT_RECENT 0.9
+// In this tenth of a second, KN_IMPACT_POWER is multiplied by this factor.
+#define KN_IMPACT_AFTER 0.1
 
 // Return the number of linearisations that every step of a model needs. The number is 1 if the law is nearly straight
 // and the step is shorter than KN_IMPACT_LONG_S. Let r be the ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A
-// linearisation that is half tangent and half secant leaves (r - 1)/(r + 1) of an error. r is 8 for dough, and the
-// linearisation of the next step corrects the remaining error. r is some hundreds for a ramp, which yields suddenly at
-// p1, so a ramp needs several linearisations.
+// linearisation that is half tangent and half secant reduces an error to (r - 1)/(r + 1) of its size. r is 8 for dough,
+// and the linearisation of the next step corrects the remaining error. r is some hundreds for a ramp, which yields
+// suddenly at p1, so a ramp needs several linearisations.
 int kn_impact_lines(const kn_model *model);
 #define KN_IMPACT_BEND 32.0 // if s |d ln c2/ds| at p1 exceeds this limit, every step needs several linearisations
-// time step from which on every step needs several linearisations, unless the law is straight [s]
+// If the time step is at least this long, every step needs several linearisations, except under a straight law. [s]
 #define KN_IMPACT_LONG_S 0.01
 
 // Return the limit of r.z [W] above which a step of the model is an impact. The limit is infinite for a straight law.
@@ -99,7 +101,7 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_cont
 // the integer solver, so these solvers have no deadline.
 
 typedef struct kn_deadline {
-    int64_t most, spent; // most: limit of the step, 0: no deadline; spent: count so far [units of work]
+    int64_t most, spent; // most: limit of the step, or 0 without a deadline; spent: count so far [units of work]
     // estimated work of one linearisation, one iteration, one look at the contact [units]
     int64_t line, iteration, look;
     int64_t law;       // estimated work of evaluating the law once, a part of a linearisation [units]

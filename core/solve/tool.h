@@ -19,9 +19,10 @@
 #include "core/shape.h"
 #include "core/state.h"
 
-#define KN_FOLLOW_S 0.020      // time in which a rigid tool catches up with its pose
-#define KN_COUPLING_ARM_M 0.03 // arm l, half a palm: the rotational stiffness of a coupling is l^2 times its stiffness
-#define KN_RELIEF_M_S 0.020    // speed at which a tool that was attached inside the object grows back
+#define KN_FOLLOW_S 0.020 // time in which a rigid tool catches up with its pose
+// arm l, half the width of a palm: a coupling's stiffness for rotations is l^2 times its stiffness for translation
+#define KN_COUPLING_ARM_M 0.03
+#define KN_RELIEF_M_S 0.020 // speed at which a tool that was attached inside the object grows back
 
 typedef struct kn_tool_step { // one tool in one step
     bool coupled;             // a virtual coupling ties the tool to its pose
@@ -42,7 +43,7 @@ const char *kn_tool_unfit(const kn_probe_def *probe, double spacing_m);
 // false if the shape has more than KN_PARTS_MAX parts.
 bool kn_tool_shape(const kn_probe_def *probe, kn_shape *shape);
 
-// Store the rotation matrix of an orientation. An orientation of all 0 counts as identity.
+// Store the rotation matrix of an orientation. If all components of the orientation are 0, the result is the identity.
 void kn_tool_matrix(const double orientation_wxyz[4], double turn[3][3]);
 
 // Return true if the orientation of a probe matters. The orientation does not matter for a plate and a smooth ball.
