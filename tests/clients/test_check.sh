@@ -86,7 +86,7 @@ reports "^stroke *Voigt part a = 0.02 to 0.98 of an edge's length, 0.2 when new:
 
 # Structure, gas, and combinations that are impossible.
 pressure=$KN_SOURCE/core/scenes/dough-pressure.yaml
-reports "^pressure *600 cells, each closed, 101325 Pa" "$pressure"
+reports "^pressure *600 cells, each closed, at rest 101325 Pa" "$pressure"
 reports "(diagonals, 0.02 times as stiff as the sides)" "$pressure" --set object.diagonal_stiffness=0.02
 grep -q "^warning" out && fail "diagonals of 2 % give a warning"
 reports "^warning *gas does not resist shear" "$pressure" --set object.diagonal_stiffness=0.005
