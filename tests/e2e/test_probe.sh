@@ -34,7 +34,7 @@ for path in poke sine path.csv; do
 done
 expect 'has no probe `spoon`; it has: plate finger' 2 knead probe --probe spoon
 expect 'expected at most 27.0 mm' 2 knead probe --depth '29 mm'
-expect 'is 3.14 m/s fast, expected at most 1.2 m/s: 382 Hz' 2 knead probe --path sine --frequency '1000 Hz'
+expect 'is 3.14 m/s fast, expected at most 1.2 m/s, which is 382 Hz at this depth' 2 knead probe --path sine --frequency '1000 Hz'
 
 $ahead knead probe --path path.csv --drop-at 0.9:60 >drop.txt 2>drop.err
 cat drop.err
