@@ -65,7 +65,8 @@ double kn_material_c2(const kn_material *mat, double stress_pa);
 // move, return 0.
 double kn_material_flow(const kn_material *mat, double stress_pa);
 
-// Return the thinning -d ln c2/d|s| at a stress >= 0, 1/Pa. The result is 0 if the stress is below p0 or above p1.
+// Return the thinning, -d ln c2/d|s|, in 1/Pa. `stress_pa` must be >= 0. The thinning is 0 if the stress is below p0 or
+// above p1.
 double kn_material_thinning(const kn_material *mat, double stress_pa);
 
 // Store how far the damper can move inwards and outwards from its position in a new edge, divided by the edge's rest

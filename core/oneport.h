@@ -42,7 +42,8 @@ typedef struct kn_oneport {
     int parameters;
 } kn_oneport;
 
-// Return the one-port of an element. Two parameters that act as one, such as those of s-s, count as one parameter.
+// Return the one-port of an element. If two parts of the element act as one, they have one parameter together: two
+// springs in series (s-s) act as one spring.
 kn_oneport kn_oneport_of(const kn_element *e);
 
 bool kn_oneport_equal(const kn_oneport *a, const kn_oneport *b); // true if both belong to the same class

@@ -183,8 +183,8 @@ void kn_account_tick(kn_account *a, const kn_servo *servo, const kn_tick_in *in,
     ADD(&a->ticks, 1);
     ADD(&a->missed, wake->missed);
     ADD(&a->unpublished, !published);
-    // The last turn of the servo loop ended so late that cycles were missed. Record how long the turn took. It began one
-    // period before the first missed deadline.
+    // The last turn of the servo loop ended so late that cycles were missed. Record how long the turn took. It began
+    // one period before the first missed deadline.
     if (wake->missed) SET(&a->late_loop_ns, wake->now_ns - wake->due_ns + KN_PERIOD_NS);
     count(a->wakeup, wake->late_ns);
     count(a->execution, execution_ns);

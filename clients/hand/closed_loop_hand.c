@@ -121,8 +121,8 @@ static void let_go(kn_closed_loop_hand *g, const kn_tool_path_point *intended)
 
 // Run the output stage for one millisecond: pass on the force message that has arrived, and compute the force of the
 // motors for this pose. The device sends one pose per millisecond, so the round trip in ms is the number of the newest
-// pose minus the number of the pose that the force answers. Measure the round trip with the first force that answers a
-// pose.
+// pose minus the number of the pose that the force answers. If several forces answer one pose, only the first of
+// them is used to measure the round trip.
 static void render(kn_closed_loop_hand *g, const kn_hand_force *force, const kn_hand_out *out)
 {
     kn_haptic_render *r = &g->render;

@@ -253,7 +253,7 @@ typedef struct look {
     double a, b, first_s, middle_s, last_s, first_pa, middle_pa, last_pa;
 } look;
 
-// Return the modulus at the first early reading at or after the time time_s.
+// Return the modulus at the time time_s: that of the first reading, among the early ones, that is not before this time.
 static double modulus_near(const kn_compared_curve *c, double time_s)
 {
     const kn_compared_part *p = &c->part[0];

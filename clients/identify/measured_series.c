@@ -130,8 +130,8 @@ static double range(const kn_curve *c)
     return high - low;
 }
 
-// Return whether reading i has the time and the load of the reading before it, and the two values differ by at most
-// `jump`.
+// Return whether reading i has the same time and the same load as the reading before it, and a value that differs from
+// the value of that reading by at most `jump`.
 static bool is_twin(const kn_curve *c, int i, double jump)
 {
     return c->time_s[i - 1] == c->time_s[i] && (!c->load || c->load[i - 1] == c->load[i]) &&
@@ -294,7 +294,8 @@ static double bend(const double *t, const double *y, const double *weight)
            sqrt(share(weight, 1) + a * a * share(weight, 0) + b * b * share(weight, 2));
 }
 
-// Return the noise as kn_curve_noise does. `weight`: number of readings in each mean; NULL: one reading in each.
+// Return the noise as kn_curve_noise does. Each value is the mean of one or more
+// readings. `weight`: number of readings in each mean; NULL: one.
 static double noise_of(int count, const double *time_s, const double *value, const double *weight)
 {
     // median of |x| if x is normally distributed with standard deviation 1

@@ -40,8 +40,8 @@ static const char help[] =
     "The latency of a missed pose is measured to the first answer to a later pose.\n"
     "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
-// above_m: height of the tool above the object, m. years_s: duration of a path in which the tool only stands, s; longer
-// than every measurement.
+// above_m: height of the tool above the object, m. years_s: duration of a path in which the tool stands still, s;
+// longer than any measurement.
 static const double above_m = 0.05, years_s = 1e8;
 static const double deep = 0.3; // depth of the press as a share of the object's height
 

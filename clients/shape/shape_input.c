@@ -94,7 +94,7 @@ static int named(const kn_table_reader *s, const char *name, const char *unit)
     return -1;
 }
 
-// Read the points of a file. missing: number of points without all three coordinates, which are left out.
+// Read the points of a file. missing: number of points left out because at least one of their coordinates is missing.
 static int read_points(kn_table_reader *s, const char *file, double (**point_m)[3], int *count, int *missing,
                        int *first_line)
 {

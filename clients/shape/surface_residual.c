@@ -167,7 +167,8 @@ static mean mean_of(const kn_surface_residual *r, const uint16_t *level, double 
     return m;
 }
 
-// Divide the image into patches. A patch is compared if at least half of its pixels are compared.
+// Divide the image into patches. A patch takes part in the comparison if at least half of
+// its pixels are unmasked and visible.
 static bool make_patches(kn_surface_residual *r, double extent_m)
 {
     r->side = (int)fmax(PATCH_LEAST, extent_m / PATCHES / r->frame.pixel_m);

@@ -244,7 +244,7 @@ void kn_pareto_front_name(const kn_pareto_front *front, const kn_sweep_plan *pla
     // Never give a worse point than necessary: fall back to accurate if fast misses bounds that accurate meets.
     if (!fast || (meets(accurate, KN_QUALITY_FAST) && !meets(fast, KN_QUALITY_FAST))) fast = accurate;
     const kn_pareto_row *balanced = name_one(front, plan, KN_QUALITY_BALANCED, (between){fast, accurate});
-    // If balanced misses its own bounds, fall back to fast or accurate.
+    // If the point `balanced` misses its own bounds, take `fast` if it meets them; otherwise take `accurate`.
     if (!meets(balanced, KN_QUALITY_BALANCED)) balanced = meets(fast, KN_QUALITY_BALANCED) ? fast : accurate;
     named[KN_QUALITY_FAST] = fast;
     named[KN_QUALITY_BALANCED] = balanced;

@@ -46,8 +46,8 @@ typedef struct kn_axes_def {
     kn_method method[4];
     kn_precision precision[2];
     int count[KN_AXIS_MAX]; // number of CG iterations in every time step
-    // Relative residual at which CG may stop once it has made `count` iterations. CG ends at the latest after three
-    // times `count` or 24 iterations, whichever is larger. 0: CG makes exactly `count` iterations.
+    // Relative residual at which CG may stop once it has made `count` iterations. CG ends at the latest after
+    // max(3 * count, 24) iterations. 0: CG makes exactly `count` iterations.
     double tolerance[KN_AXIS_MAX];
     int pass[KN_AXIS_MAX];
     double dt_s[KN_AXIS_MAX], spacing_m[KN_AXIS_MAX];

@@ -1,6 +1,6 @@
 #ifndef KN_CORE_ALGEBRA_ALGEBRA_H
 #define KN_CORE_ALGEBRA_ALGEBRA_H
-// Linear algebra of three and six dimensions: vectors, orientations as quaternions w, x, y, z, and the motions (v, w)
+// Linear algebra in three and six dimensions: vectors, orientations as quaternions w, x, y, z, and the motions (v, w)
 // of a rigid body. Every sum adds the components from the first to the last, so all callers get the same bits.
 #include <math.h>
 #include <stdint.h>

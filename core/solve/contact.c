@@ -609,7 +609,7 @@ static void end_hold(const kn_model *model, kn_state *state, const kn_held_node 
     // the work is force times the node's own motion, which differs from the plate's motion at first touch; the work of
     // a node that pulls is negative
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * kn_dot(hold->force_n, hold->velocity_m_s);
-    // a held node that pulls at the plate is released
+    // a held node that pulls on the plate is released
     if (hold->gone || !(hold->force_n[2] >= 0)) {
         state->held[(size_t)hold->probe * (size_t)model->top_count + (size_t)hold->top] = 0;
         return;
