@@ -87,10 +87,10 @@ static double capsule(const kn_solid *p, const double at[3], double gradient[3])
     return round_about(from, p->radius_m, gradient);
 }
 
-// Return the distance of a point from a smaller solid, minus the rounding radius `edge`. over[i] is the distance by
-// which the point is beyond face i of the smaller solid, in the direction way[i]. If the point is inside, or beyond one
-// face only, the nearest place of the smaller solid is on a face. If the point is beyond more faces, the nearest place
-// is on an edge or a corner.
+// Return the distance of a point from the solid that is smaller by the rounding radius `edge`, minus `edge`. over[i] is
+// the distance by which the point is beyond face i of the smaller solid, in the direction way[i]. If the point is
+// inside, or beyond one face only, the nearest place of the smaller solid is on a face. If the point is beyond more
+// faces, the nearest place is on an edge or a corner.
 static double rounded(const double over[], const double way[][3], int n, double edge, double gradient[3])
 {
     double outside = 0, most = over[0];

@@ -144,7 +144,7 @@ static void adapt_deadline(kn_loop *loop, int64_t units)
         loop->deadline = (int64_t)fmax(least, (double)loop->deadline * fmax(0.5, KN_STEP_SHARE / loop->slow_share));
         loop->slow_steps = 0;
     } else if (loop->fast_steps == KN_LOOP_FAST_STEPS) {
-        // Steps are fast again. Raise the deadline by an eighth, up to its measured value.
+        // Steps are fast again. Raise the deadline by an eighth of itself, at most to the measured deadline.
         loop->deadline = (int64_t)fmin((double)loop->measured_deadline, 1.125 * (double)loop->deadline);
         loop->fast_steps = 0;
     }

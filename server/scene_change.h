@@ -42,7 +42,7 @@ typedef struct kn_scene_change {
     kn_audit *audit; // energy audit; NULL: the solver has no audit
     // Number of units of work that a step may take in the new model (kn_served_object_deadline); 0: unchanged.
     int64_t deadline;
-    kn_settings settings; // run-time settings that turn the scene of the server's start into `scene`
+    kn_settings settings; // settings made at run time: with them, the scene of the server's start becomes `scene`
     // The object's state in the new model, as of the tick that adopted the change; without solver scratch.
     kn_state *carried;
 } kn_scene_change;

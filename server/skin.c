@@ -24,8 +24,9 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
                                .triangles = s->triangle};
 }
 
-// Return the memory for measuring, bytes. If the scene asks for measures (stress, residual strain), this memory holds
-// one state per mailbox slot, the kn_gauge that computes the measures, and two values for each node and vertex.
+// Return the number of bytes of memory that measuring needs. If the scene asks for measures (stress, residual strain),
+// this memory holds one state per mailbox slot, the kn_gauge that computes the measures, and two values for each node
+// and vertex.
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
     const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;

@@ -60,7 +60,7 @@ typedef struct kn_skin {
 bool kn_skin_open(kn_skin *skin, const char *url, const kn_scene *scene, const kn_model *model, char *error,
                   size_t error_size);
 void kn_skin_close(kn_skin *skin);
-// Return the memory for measuring, bytes; 0 if nothing is measured.
+// Return the number of bytes of memory that measuring needs; 0 if nothing is measured.
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model);
 
 // Copy a frame if one is due. Called by the servo thread in every tick. `model`: the model being served, which has the

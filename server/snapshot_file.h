@@ -20,12 +20,13 @@
 typedef struct kn_saved {
     char scene[64], version[32]; // `scene`: kn_scene.name; `version`: KN_VERSION of the server that saved
     uint64_t text_hash, state_hash;
-    kn_settings settings; // run-time settings that turn the scene of the server's start into the scene that was saved
-    int64_t generation;   // generation, that is, number of the snapshot file: 1, 2, ...
-    int64_t tick;         // last tick executed before the state was saved
-    int64_t utime;        // time of the tick `tick`, us since 1970
-    kn_state *state;      // state of the object, without solver scratch (kn_state_keep); owned by the caller
-    kn_servo servo;       // the servo without its pointers: safety, poses, clutches, quality, counters
+    kn_settings
+        settings; // settings made at run time: with them, the server's first scene becomes the scene that was saved
+    int64_t generation; // generation, that is, number of the snapshot file: 1, 2, ...
+    int64_t tick;       // last tick executed before the state was saved
+    int64_t utime;      // time of the tick `tick`, us since 1970
+    kn_state *state;    // state of the object, without solver scratch (kn_state_keep); owned by the caller
+    kn_servo servo;     // the servo without its pointers: safety, poses, clutches, quality, counters
 } kn_saved;
 
 size_t kn_saved_size_max(const kn_model *model); // return the largest size of a snapshot file of this model, bytes

@@ -10,7 +10,7 @@ static const double period_ns = KN_PERIOD_NS;
 static const double outlier_ns = 100000;
 // the margin is adapted only while centre and margin differ by less than this, ns
 static const double settled_ns = 20000;
-// a tick that wakes later than this is not used to learn the arrival of poses, ns
+// a tick that wakes later than this, in ns, is not used to learn when poses arrive
 static const int64_t stall_ns = 500000;
 
 void kn_phase_init(kn_phase *phase) { *phase = (kn_phase){.probe = -1, .margin_ns = KN_PHASE_MARGIN_NS}; }

@@ -275,8 +275,8 @@ static bool is_recent(kn_bus_client *j, const unsigned char *payload, size_t siz
     return true;
 }
 
-// Return true if the stamp of a message, which contains the life and the age of kneadd, shows that the message is
-// fresh.
+// Return true if a message is fresh according to its stamp. The stamp contains the number of kneadd's run (its life)
+// and the time since this run began (its age).
 static bool is_fresh(kn_bus_client *j, const char *channel, kn_auth_stamp stamp)
 {
     int64_t life = atomic_load(&own.life);

@@ -425,7 +425,8 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
     return KN_EXIT_OK;
 }
 
-// Return whether the line repeats the names, as instruments write them above each of their intervals.
+// Return whether the line repeats the names of the columns. Some instruments write these names again above each
+// interval of a measurement.
 static bool is_repeated(const kn_table_reader *s, const char *line)
 {
     kn_text_cell c;

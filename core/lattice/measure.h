@@ -27,7 +27,7 @@ typedef struct kn_spring_now {
 typedef struct kn_springs {
     const kn_model *model; // must outlive this struct
     // Law that turns the state's strain u into the stress. With the implicit solver, the state holds u of the step's
-    // beginning, so the law has the step's dt. With the other solvers, u belongs to the step's end, so dt is 0.
+    // beginning, so the law is that of the step's dt. With the other solvers, u belongs to the step's end, so dt is 0.
     kn_law law;
     double gamma;
     int count;

@@ -143,7 +143,7 @@ bool kn_draft_device(kn_draft *draft)
     d->force_limit_n = limits->clamp_n;
     d->force_scale = limits->force_scale;
     draft->device_whole = says_all(draft);
-    // if the problem names the basis, the error points at device.basis, else at device.rotation
+    // report a problem at the key device.basis if its text contains the word `basis`, else at device.rotation
     const char *problem = kn_device_check(d);
     kn_key_id key = problem && strstr(problem, "basis") ? KN_KEY_DEVICE_BASIS : KN_KEY_DEVICE_ROTATION;
     if (problem) return kn_draft_complain(draft, draft->at[0][key], "%s: %s", kn_keys[key].path, problem);

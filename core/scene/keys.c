@@ -28,7 +28,8 @@ int kn_choice_of(const char *words, const char *word)
 }
 
 // Read a quantity, convert it to the unit of the key, and check dimension and range. The range of a modulus is not
-// checked here, because a modulus may be given per height of a specimen and must then be multiplied first.
+// checked here: a modulus may be given divided by the height of a specimen, and must be multiplied by this height
+// before its range can be checked.
 static bool read_number(const kn_key *key, double *value, const char *text, bool *per_height, char problem[KN_LINE_MAX])
 {
     kn_quantity q;

@@ -188,7 +188,8 @@ LANES_INLINE void law_stop(const law_tables *t, lanes b, lanes z, lanes *s, lane
 {
     lanes zero = lanes_set(0), ends = lanes_set(t->stroke_ends), per_strain = lanes_set(t->stop_per_strain);
     lanes in = lanes_sub(z, lanes_set(t->inwards)), out = lanes_sub(lanes_set(t->outwards), z);
-    // s is bounded by the stress that would bring the damper exactly to a stop; at a stop this stress is b
+    // limit s to the stress with which the damper would just reach an end stop; if the damper is already at that end
+    // stop, this stress is b
     lanes most = lanes_add(b, lanes_less(ends, in, lanes_mul(per_strain, in), zero));
     lanes least = lanes_sub(b, lanes_less(ends, out, lanes_mul(per_strain, out), zero));
     // if a stop limits s, then s = b + constant, and the slope ds/db is 1
