@@ -30,8 +30,11 @@ static const char *check_tool(const kn_model_def *def, const kn_probe_def *p)
         return "a probe's friction, adhesion and grip must not be negative";
     if (!is_real(p->coupling_n_m) || !is_real(p->coupling_n_s_m)) return "a probe's coupling must not be negative";
     const bool more = p->friction > 0 || p->adhesion_pa > 0 || p->grip_n > 0 || p->coupling_n_m > 0;
-    if (plate && more) return "a plate always sticks: friction, adhesion, grip and coupling need another shape";
-    if (p->adhesion_pa > kn_probe_foundation(p) * 0.2 * def->spacing_m)
+    if (plate && (p->friction > 0 || p->grip_n > 0 || p->coupling_n_m > 0))
+        return "a plate sticks or slides: friction, grip and coupling need another shape";
+    if (p->surface == KN_PLATE_SLIDES && (!plate || def->solver.kind == KN_SOLVER_FIXED))
+        return "surface: slides needs a plate, and another solver than fixed";
+    if (!plate && p->adhesion_pa > kn_probe_foundation(p) * 0.2 * def->spacing_m)
         return "adhesion would stretch the foundation by more than a fifth of a spacing: needs a stiffer foundation";
     if (def->solver.kind != KN_SOLVER_IMPLICIT && more)
         return "friction, adhesion, grip and coupling need the implicit solver";
@@ -213,6 +216,15 @@ static bool check_flattest(const kn_model *m, char *error, size_t size)
     return false;
 }
 
+// Return the area of a block's top. A row of single nodes is as wide as a flat object, or as a cell.
+static double block_top(const kn_model_def *def)
+{
+    const double one = def->thickness_m > 0 ? def->thickness_m : def->spacing_m;
+    double area = 1;
+    for (int k = 0; k < 2; k++) area *= def->nodes[k] > 1 ? (def->nodes[k] - 1) * def->spacing_m : one;
+    return area;
+}
+
 static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size)
 {
     bool rk4 = def->solver.kind == KN_SOLVER_RK4;
@@ -226,6 +238,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
     // build the nodes of a mesh, of a block of two resolutions, or of a plain block
     const char *wrong;
+    m->top_area_m2 = def->mesh ? 0 : block_top(def);
     if (def->mesh) wrong = kn_net_build(m);
     else if (kn_composite_is(def)) wrong = kn_composite_build(m);
     else wrong = kn_block_build(m) ? NULL : KN_NO_MEMORY;

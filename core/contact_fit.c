@@ -249,14 +249,24 @@ static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int 
 {
     const kn_contact *contact = &kn_state_scratch(state)->contact;
     static const double down[3] = {0, 0, -1};
-    const double rate = -state->probe[p].velocity_m_s[2], *torque = output->probe[p].torque_n_m;
+    const double rate = -state->probe[p].velocity_m_s[2];
+    double pressed_n = 0;
     sums part[KN_PATCHES_MAX];
     f->all.force_n = fmax(0, output->probe[p].force_n[2]);
     f->all.rate_m_s = rate;
     f->all.layer_n_m = 0;
     memcpy(f->all.normal, (double[]){0, 0, 1}, sizeof f->all.normal);
     memset(f->all.arm_m, 0, sizeof f->all.arm_m);
-    if (f->all.force_n > 0) f->all.arm_m[0] = -torque[1] / f->all.force_n, f->all.arm_m[1] = torque[0] / f->all.force_n;
+    // the arm is that of the pressing nodes: beside nodes that pull, torque divided by force may lie outside the plate
+    for (int i = 0; i < contact->hold_count && f->all.force_n > 0; i++) {
+        const kn_held_node *h = &contact->hold[i];
+        double x[3];
+        if (!carries(h, p)) continue;
+        kn_state_position(fit->model, state, h->node, x);
+        for (int k = 0; k < 2; k++) f->all.arm_m[k] += h->force_n[2] * (x[k] - state->probe[p].position_m[k]);
+        pressed_n += h->force_n[2];
+    }
+    for (int k = 0; k < 2 && pressed_n > 0; k++) f->all.arm_m[k] /= pressed_n;
     if (!several(f)) return;
     memset(part, 0, sizeof part);
     for (int i = 0; i < contact->hold_count; i++) {

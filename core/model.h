@@ -34,7 +34,7 @@ typedef enum kn_skin_form { // shape of a block's skin between the nodes, as all
 } kn_skin_form;
 
 typedef enum kn_probe_shape {
-    KN_PROBE_PLATE, // level rectangle that holds the top nodes it touches and releases nodes that pull
+    KN_PROBE_PLATE, // level rectangle that holds the top nodes it touches and releases nodes that pull too hard
     // rigid ball (on a flat block a disc); this and the shapes below use foundation contact (contact.h)
     KN_PROBE_SPHERE,
     KN_PROBE_CAPSULE,
@@ -45,9 +45,15 @@ typedef enum kn_probe_shape {
     KN_PROBE_MESH // closed surface from a file
 } kn_probe_shape;
 
+typedef enum kn_plate_surface {
+    KN_PLATE_STICKS, // held nodes move with the plate
+    KN_PLATE_SLIDES  // held nodes slide along the plate without friction
+} kn_plate_surface;
+
 typedef struct kn_probe_def {
     char name[KN_NAME_MAX]; // channel suffix: KNEAD_POSE_<name>; [a-z0-9_]+
     kn_probe_shape shape;
+    kn_plate_surface surface;
     double size_m[3]; // PLATE: extent along x and y; BOX: along x, y, z; CROSS: arm length, arm width, height
     // SPHERE, CAPSULE, CYLINDER: radius; the least radius is the lattice's spacing, 1.5 spacings are advised
     double radius_m;
@@ -57,8 +63,9 @@ typedef struct kn_probe_def {
     const struct kn_shape *parts;
     double foundation_n_m3; // stiffness of the contact per area; 0: default of 2.5e7 N/m^3 (see contact.h)
     double friction;        // coefficient of sliding friction between tool and object; 0: frictionless
-    double adhesion_pa;     // tension that the contact carries before the tool releases the skin; 0: no adhesion
-    double grip_n;          // force up to which a closed grip ties the touched skin to the tool; 0: no grip
+    // tension that the contact carries before the tool releases the skin, or the plate the node; 0: no adhesion
+    double adhesion_pa;
+    double grip_n; // force up to which a closed grip ties the touched skin to the tool; 0: no grip
     // stiffness of the virtual coupling between pose and tool; 0: the tool follows rigidly (tool.h)
     double coupling_n_m;
     double coupling_n_s_m; // damping of the virtual coupling
@@ -159,6 +166,7 @@ typedef struct kn_model {
     int top_count;        // number of nodes that a plate can hold
     int *top;             // [top_count] ids of the nodes that a plate can hold
     double *top_share;    // [top_count] part of an evenly spread load that each top node carries; the sum is 1
+    double top_area_m2;   // horizontal area of the undeformed top
     double size_m;        // longest extent of the undeformed object
     double kappa_m;       // ratio of the stiffness of an edge with weight 1 to Young's modulus E of the material
     kn_net_moduli moduli; // net: measured elastic constants; else 0

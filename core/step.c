@@ -16,12 +16,13 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
     memset(s->velocity, 0, (size_t)m->node_count * sizeof *s->velocity);
     memset(s->force, 0, (size_t)m->node_count * sizeof *s->force);
     for (int t = 0; t < m->top_count; t++) s->force[m->top[t]][2] -= input->top_load_n * m->top_share[t];
-    // a held node moves with its plate, except in components that the support already fixes
+    // a held node moves with its plate, except in components that the support already fixes, or that slide
     for (int i = 0; i < s->contact.hold_count; i++) {
         const kn_held_node *hold = &s->contact.hold[i];
+        const int components = hold->slides ? 4 : 7; // bits as in kn_model.support
         for (int k = 0; k < 3; k++)
-            if (!(s->fixed[hold->node] >> k & 1)) s->velocity[hold->node][k] = hold->velocity_m_s[k];
-        s->fixed[hold->node] = 7;
+            if ((components & ~s->fixed[hold->node]) >> k & 1) s->velocity[hold->node][k] = hold->velocity_m_s[k];
+        s->fixed[hold->node] |= (uint8_t)components;
     }
     // each sample pushes its nodes with the pressure at its present depth (explicit contact)
     for (int i = 0; i < s->contact.sample_count; i++) {
@@ -34,7 +35,8 @@ static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
     kn_rk4_step(m, state, &boundary, s->stages);
     // the force on the plate is the reaction of the held node with the opposite sign
     for (int i = 0; i < s->contact.hold_count; i++)
-        for (int k = 0; k < 3; k++) s->contact.hold[i].force_n[k] = -s->reaction[s->contact.hold[i].node][k];
+        for (int k = s->contact.hold[i].slides ? 2 : 0; k < 3; k++)
+            s->contact.hold[i].force_n[k] = -s->reaction[s->contact.hold[i].node][k];
 }
 
 // --- watch ----------------------------------------------------------------------------------------------------------

@@ -83,7 +83,7 @@ static bool piece_of_hold(const kn_model *m, const kn_state *state, int p, const
 {
     const kn_probe_def *def = &m->def.probe[p];
     double h = m->def.spacing_m;
-    if (hold->probe != p || hold->gone || !(hold->force_n[2] > 0)) return false;
+    if (hold->probe != p || hold->gone || !(hold->force_n[2] >= hold->lowest_n) || hold->force_n[2] == 0) return false;
     *out = (piece){.normal = {0, 0, 1}, .pressing_n = hold->force_n[2]};
     memcpy(out->force_n, hold->force_n, sizeof out->force_n);
     kn_state_position(m, state, hold->node, out->arm_m);
@@ -202,7 +202,8 @@ void kn_touch_nodes(const kn_model *m, const kn_state *state, double (*force_n)[
     memset(force_n, 0, (size_t)m->node_count * sizeof *force_n);
     // add the forces of plates on held nodes, then the forces of tools on samples
     for (const kn_held_node *hold = c->hold; hold < c->hold + c->hold_count; hold++)
-        for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= 0; k++) force_n[hold->node][k] -= hold->force_n[k];
+        for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= hold->lowest_n; k++)
+            force_n[hold->node][k] -= hold->force_n[k];
     for (const kn_sample *s = c->sample; s < c->sample + c->sample_count; s++)
         for (int a = 0; a < s->nodes && s->probe != KN_TABLE && s->line.active; a++)
             for (int k = 0; k < 3; k++) force_n[s->node[a]][k] += s->weight[a] * s->force_n[k];

@@ -396,6 +396,8 @@ static void print_probe(const kn_model *model, int index)
     printf("probe     %s: ", p->name);
     print_size(p);
     if (p->shape != KN_PROBE_PLATE) print_touch(p);
+    else if (p->surface == KN_PLATE_SLIDES) printf(", slides without friction");
+    if (p->shape == KN_PROBE_PLATE && p->adhesion_pa > 0) printf(", adhesion %g Pa", p->adhesion_pa);
     printf("\n");
     // Warn about a small tool: a narrow tool may pass between nodes, and with a small ball the hand feels single cells.
     if (p->shape == KN_PROBE_PLATE ? p->size_m[0] < h || p->size_m[1] < h : model->shape[index].fine_m < 0.5 * h)

@@ -171,6 +171,7 @@ static void build_top(kn_model *m, const facet *facets, int count)
         for (int k = 0; k < m->def.mesh->dimension; k++) share[facets[f].corner[k]] += area[2];
         sum += area[2] * m->def.mesh->dimension;
     }
+    m->top_area_m2 = sum / m->def.mesh->dimension;
     kn_top_list(m, sum);
 }
 

@@ -209,9 +209,11 @@
     name, "name of the probe; its channels are KNEAD_POSE_NAME, KNEAD_FORCE_NAME; at most 4 probes")                  \
   X(PROBE_SHAPE, ALWAYS, "probes.NAME.shape", CHOICE, 1, "plate|sphere|capsule|box|cross|cylinder|union|mesh",        \
     0, 0, NULL,                                                                                                       \
-    shape, "plate: a level rectangle that sticks; the other shapes turn with their pose, see core/shape.h")           \
+    shape, "plate: a level rectangle; the other shapes turn with their pose, see core/shape.h")                        \
   X(PROBE_SIZE, PLATE, "probes.NAME.size", REAL, 2, "m", 1e-4, 10, NULL,                                              \
     size_m, "size of the plate along x and y")                                                                        \
+  X(PROBE_SURFACE, PLATE, "probes.NAME.surface", CHOICE, 1, "sticks|slides", 0, 0, "",                                \
+    surface, "sticks: the skin moves with the plate; slides: it slides on it without friction; none: sticks")         \
   X(PROBE_EXTENT, BOX, "probes.NAME.extent", REAL, 3, "m", 1e-4, 10, NULL,                                            \
     size_m, "box: size along x, y, z; cross: arm length, arm width, height")                                          \
   X(PROBE_RADIUS, ROUND, "probes.NAME.radius", REAL, 1, "m", 1e-4, 1, NULL,                                           \
@@ -224,7 +226,7 @@
     foundation_n_m3, "stiffness of the contact per area")                                                             \
   X(PROBE_FRICTION, TOOL, "probes.NAME.friction", REAL, 1, "", 0, 100, "",                                            \
     friction, "coefficient of friction while the contact slides; 1.2 times as much while it sticks; none: 0")         \
-  X(PROBE_ADHESION, TOOL, "probes.NAME.adhesion", REAL, 1, "Pa", 0, 1e7, "",                                          \
+  X(PROBE_ADHESION, ALWAYS, "probes.NAME.adhesion", REAL, 1, "Pa", 0, 1e7, "",                                        \
     adhesion_pa, "tension at which the contact tears off; none: no adhesion")                                         \
   X(PROBE_GRIP, TOOL, "probes.NAME.grip", REAL, 1, "N", 0, 100, "",                                                   \
     grip_n, "largest force with which the contact is tied to the tool while button 1 is pressed; none: no grip")      \

@@ -41,8 +41,11 @@ int kn_contact_samples(const kn_model *model)
     return (int)fmin(count, 1e8);
 }
 
-// Return true if contact with this tool sticks (friction, adhesion or grip), so that its samples need anchors.
-static bool sticks(const kn_probe_def *def) { return def->friction > 0 || def->adhesion_pa > 0 || def->grip_n > 0; }
+// Return true if the samples of this tool need anchors, because its contact sticks (friction, adhesion or grip).
+static bool sticks(const kn_probe_def *def)
+{
+    return def->shape != KN_PROBE_PLATE && (def->friction > 0 || def->adhesion_pa > 0 || def->grip_n > 0);
+}
 
 size_t kn_contact_anchors(const kn_model *model)
 {
@@ -96,17 +99,28 @@ static bool gets_away(double above, double way, double displacement)
 static void find_holds(const kn_model *model, kn_state *state, int p, kn_contact *contact)
 {
     const kn_probe_state *probe = &state->probe[p];
+    const kn_probe_def *def = &model->def.probe[p];
     // plane: height of the plate at the end of the step
     double dt = model->def.solver.dt_s, plane = probe->position_m[2] + dt * probe->velocity_m_s[2];
     uint8_t *held = state->held + (size_t)p * (size_t)model->top_count;
     for (int t = 0; t < model->top_count; t++) {
-        kn_held_node hold = {.node = model->top[t], .top = t, .probe = p};
+        kn_held_node hold = {.node = model->top[t], .top = t, .probe = p, .slides = def->surface == KN_PLATE_SLIDES};
+        hold.lowest_n = -def->adhesion_pa * model->top_share[t] * model->top_area_m2;
         memcpy(hold.velocity_m_s, probe->velocity_m_s, sizeof hold.velocity_m_s);
+        // a node that slides may leave the plate sideways
+        if (held[t] && hold.slides) {
+            double x[3];
+            kn_state_position(model, state, hold.node, x);
+            if (!under_plate(model, def, probe->position_m, x)) {
+                held[t] = 0;
+                continue;
+            }
+        }
         if (!held[t]) {
             // a new node must be under the plate and in its path, and must not move away by itself
             double x[3], v[3];
             kn_state_position(model, state, hold.node, x);
-            if (x[2] <= plane || !under_plate(model, &model->def.probe[p], probe->position_m, x)) continue;
+            if (x[2] <= plane || !under_plate(model, def, probe->position_m, x)) continue;
             kn_state_velocity(model, state, hold.node, v);
             if (gets_away(x[2] - plane, dt * v[2], x[2] - model->rest_m[hold.node][2])) continue;
             // If a node is deeper in the plate than it can have got in this step, it came in from the side: do not hold
@@ -609,8 +623,8 @@ static void end_hold(const kn_model *model, kn_state *state, const kn_held_node 
     // the work is force times the node's own motion, which differs from the plate's motion at first touch; the work of
     // a node that pulls is negative
     state->probe[hold->probe].work_j -= model->def.solver.dt_s * kn_dot(hold->force_n, hold->velocity_m_s);
-    // a held node that pulls on the plate is released
-    if (hold->gone || !(hold->force_n[2] >= 0)) {
+    // a held node that pulls harder than the adhesion is released
+    if (hold->gone || !(hold->force_n[2] >= hold->lowest_n)) {
         state->held[(size_t)hold->probe * (size_t)model->top_count + (size_t)hold->top] = 0;
         return;
     }

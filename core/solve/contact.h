@@ -4,8 +4,8 @@
 // samples, which are points of the skin near tools. All solvers use the two lists.
 //
 // Plate. The plate holds the top nodes that it reaches: held nodes move with the plate's velocity, so the plate sticks.
-// The residual that the lattice leaves on a held node is the contact force, unfiltered. A held node that would pull at
-// the plate is released.
+// A plate without friction holds only their height. The residual that the lattice leaves on a held node is the contact
+// force, unfiltered. A held node that would pull at the plate by more than the adhesion times its area is released.
 //
 // All other shapes. They use foundation contact (pressure = stiffness x depth) on a smooth skin. The skin is the
 // quadratic B-spline with the nodes of each face as control points, or bilinear (kn_skin_form). The patch of skin that
@@ -44,7 +44,9 @@ static inline double kn_probe_foundation(const kn_probe_def *probe)
 typedef struct kn_held_node { // a node that a plate holds in this step
     int node, top;            // node: id of the held node; top: index of the node in model->top
     int probe;                // probe whose plate holds the node
+    bool slides;              // the plate prescribes only the node's vertical velocity
     double velocity_m_s[3];
+    double lowest_n;   // force_n[2] below which the plate releases the node: 0, or < 0 with adhesion
     double force_n[3]; // set by the solver: force of the node on the plate
     bool gone;         // set by the solver: the plate released the node within the step
 } kn_held_node;

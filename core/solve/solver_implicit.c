@@ -27,7 +27,7 @@ static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, c
     const size_t at = m->offset[hold->node];
     size_t row = at / (3 * m->stride);
     int mask = m->support[hold->node];
-    for (size_t k = 0; k < 3; k++) {
+    for (size_t k = hold->slides ? 2 : 0; k < 3; k++) {
         size_t o = at + k * m->stride;
         kn_real_set(m, s->work.free, o, 0);
         // a component that the support holds keeps its zero velocity
@@ -294,7 +294,8 @@ static void read_forces(const kn_model *m, kn_scratch *s)
         kn_held_node *hold = &s->contact.hold[i];
         const size_t at = m->offset[hold->node];
         for (size_t k = 0; k < 3; k++)
-            hold->force_n[k] = hold->gone ? 0 : kn_real_get(m, s->work.r, at + k * m->stride);
+            hold->force_n[k] =
+                hold->gone || (hold->slides && k < 2) ? 0 : kn_real_get(m, s->work.r, at + k * m->stride);
     }
     kn_foundation_read(m, s);
 }
@@ -316,16 +317,16 @@ static kn_linearization linearization_of(const kn_model *m, const kn_scratch *s)
                                                                       : s->effort.linearization;
 }
 
-// Release held nodes that pull, within the step. If they were released only after the step, a plate that is torn away
-// would drag them along for a whole step.
+// Release held nodes that pull harder than the adhesion, within the step. If they were released only after the step, a
+// plate that is torn away would drag them along for a whole step.
 static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
 {
     for (int i = 0; i < s->contact.hold_count; i++) {
         kn_held_node *hold = &s->contact.hold[i];
         const size_t at = m->offset[hold->node];
-        if (hold->gone || kn_real_get(m, s->work.r, at + 2 * m->stride) >= 0) continue;
+        if (hold->gone || kn_real_get(m, s->work.r, at + 2 * m->stride) >= hold->lowest_n) continue;
         hold->gone = true;
-        for (size_t k = 0; k < 3; k++) {
+        for (size_t k = hold->slides ? 2 : 0; k < 3; k++) {
             if (m->support[hold->node] >> k & 1) continue;
             // free the component, and start its guess from its last velocity
             kn_real_set(m, s->work.free, at + k * m->stride, 1);

@@ -20,7 +20,7 @@ static double carried(const kn_model *m, const kn_state *state, const kn_contact
         double x[3], high = m->rest_m[hold->node][2], left = 1;
         kn_state_position(m, state, hold->node, x);
         if (high > 0) left = fmin(1, fmax(0.02, x[2] / high));
-        for (size_t k = 0; k < 3; k++) {
+        for (size_t k = hold->slides ? 2 : 0; k < 3; k++) {
             double now = kn_real_get(m, state->velocity, m->offset[hold->node] + k * m->stride);
             change = fmax(change, fabs(hold->velocity_m_s[k] - now));
             way = fmax(way, fabs(hold->velocity_m_s[k]) * m->def.solver.dt_s / (h * left));
@@ -86,7 +86,7 @@ static bool punch_of(const kn_model *m, const kn_state *state, const kn_contact 
         const kn_held_node *hold = &contact->hold[i];
         const double *rest_m = m->rest_m[hold->node];
         if (hold->probe != probe) continue;
-        for (size_t k = 0; k < 3; k++)
+        for (size_t k = hold->slides ? 2 : 0; k < 3; k++)
             change[k] += hold->velocity_m_s[k] - kn_real_get(m, state->velocity, m->offset[hold->node] + k * m->stride);
         for (int k = 0; k < 2; k++) {
             low_m[k] = fmin(low_m[k], rest_m[k]);
