@@ -27,7 +27,7 @@
     X(stability, "test the solvers on thousands of extreme small scenes against converged solutions")                  \
     X(sweep, "virtual rheometer: oscillate a specimen; storage and loss modulus against frequency")                    \
     X(touch, "show the contact of a tool live: pressures, area, centre, slip; needs kneadd --touch")                   \
-    X(tpa, "virtual rheometer: bite twice; hardness, cohesiveness, springiness, resilience")                           \
+    X(tpa, "virtual rheometer: bite twice; hardness, cohesiveness, adhesiveness, chewiness")                           \
     X(tradeoff, "measure speed and accuracy on a recorded press; choose the quality points fast, balanced, accurate")  \
     X(view, "draw an object, live, recorded or at rest, without a screen: --png FILE, --video FILE")                   \
     X(web, "serve a web page with the live object and a tool for the visitor; print its address")                      \

@@ -42,7 +42,7 @@ static int follow(kn_rheometer *b, const kn_curve *c, double *strain)
             if (code == KN_EXIT_OK) code = kn_rheometer_load(b, c->step[next].stress_pa * KN_RHEOMETER_AREA_M2);
         }
         if (code == KN_EXIT_OK && c->time_s[i] > b->time_s) code = kn_rheometer_advance(b, c->time_s[i]);
-        strain[i] = b->strain;
+        strain[i] = b->flat ? 1 : b->strain;
     }
     kn_rheometer_bar_end(b);
     return code;
@@ -71,6 +71,7 @@ static int creep_again(simulated_creep *back, int way, const char *subcommand, c
                                 .lattice = {n, n, n}};
     kn_rheometer b;
     int code = kn_rheometer_open(&b, &opt);
+    kn_rheometer_choose(&b, way != ELEMENT);
     if (code == KN_EXIT_OK) code = follow(&b, c, back->strain[way]);
     kn_rheometer_close(&b);
     back->from_data[way] = apart(c->value, back->strain[way], c);

@@ -5,6 +5,7 @@
 #include "clients/cli/result.h"
 #include "clients/cli/curve_table.h"
 #include "clients/rheometer/rheometer.h"
+#include <math.h>
 #include <stdio.h>
 
 static const char help[] =
@@ -16,8 +17,7 @@ static const char help[] =
     "    knead creep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s'\n\n"
     "  --load W[,W]...   weights, each on a fresh specimen (default: 50gf)\n"
     "  --hold TIME       time under the weight (default: 60 s)\n"
-    "  --rest TIME       time after unloading (default: 70 s)\n"
-    "  --lattice NxNxN   also test a lattice of N x N x N cells, as high as the specimen, with kneadd's solver\n"
+    "  --rest TIME       time after unloading (default: 70 s)\n" KN_RHEOMETER_LATTICE_HELP
     "  --csv FILE        write load_n,time_s,strain,height_m,stress_pa\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
@@ -29,6 +29,7 @@ static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", 
 typedef struct reading {
     // stress_pa, strain: values just before the weight is taken off; residual: strain at the end.
     double stress_pa, strain, residual;
+    double flat_s; // lattice: time at which it was flat; NAN: it was never flat
 } reading;
 
 static void add(kn_table *t, const kn_rheometer *b, double load_n)
@@ -42,7 +43,7 @@ static int watch(kn_rheometer *b, kn_table *t, double load_n, double until_s)
     enum { SAMPLES = 300 };
     double from = b->time_s;
     int code = KN_EXIT_OK;
-    for (int i = 1; i <= SAMPLES && code == KN_EXIT_OK; i++) {
+    for (int i = 1; i <= SAMPLES && code == KN_EXIT_OK && !b->flat; i++) {
         code = kn_rheometer_advance(b, i == SAMPLES ? until_s : from + (until_s - from) * i / SAMPLES);
         add(t, b, load_n);
     }
@@ -54,7 +55,7 @@ static int creep(kn_rheometer *b, kn_table *t, double load_n, reading *r)
 {
     const kn_rheometer_options *opt = b->opt;
     char label[40];
-    snprintf(label, sizeof label, "%g gf%s", load_n / KN_GF_N, b->model ? ", lattice" : "");
+    snprintf(label, sizeof label, "%g gf%s", load_n / KN_GF_N, b->lattice_runs ? ", lattice" : "");
     kn_rheometer_fresh(b);
     // Add two rows at time 0: one before the elastic jump of the strain and one after it.
     kn_table_series(t, label);
@@ -65,6 +66,7 @@ static int creep(kn_rheometer *b, kn_table *t, double load_n, reading *r)
     // Store stress and strain just before the weight is taken off.
     r->stress_pa = b->stress_pa;
     r->strain = b->strain;
+    r->flat_s = b->flat ? b->time_s : NAN;
     // Take the weight off and watch the recovery.
     if (code == KN_EXIT_OK) code = kn_rheometer_load(b, 0);
     if (code == KN_EXIT_OK && opt->rest_s > 0) code = watch(b, t, load_n, opt->hold_s + opt->rest_s);
@@ -78,6 +80,11 @@ static void print_row(const char *name, double load_n, const reading *r)
     json_t *row = kn_result_add("loads");
     kn_result_text(row, "of", name);
     kn_result_number(row, "load_n", load_n);
+    if (!isnan(r->flat_s)) {
+        kn_result_number(row, "flat_s", r->flat_s);
+        printf("%8.4g %-8s flat after %.3g s\n", load_n / KN_GF_N, name, r->flat_s);
+        return;
+    }
     kn_result_number(row, "stress_pa", r->stress_pa);
     kn_result_number(row, "height_m", KN_RHEOMETER_HEIGHT_M * (1 - r->strain));
     kn_result_number(row, "strain", r->strain);
@@ -91,21 +98,20 @@ static void print_row(const char *name, double load_n, const reading *r)
 static int run(kn_rheometer *b, kn_table *t)
 {
     const kn_rheometer_options *opt = b->opt;
-    kn_model *model = b->model;
-    t->pairs = model;
+    int code = kn_rheometer_time_step(b, opt->hold_s, 200);
+    if (code != KN_EXIT_OK) return code;
+    t->pairs = b->model;
     kn_rheometer_print(b);
     printf("\n%44s %-19s   after %g s of rest\n%8s %8s %9s %9s %9s %9s %9s %9s\n", "", "at release", opt->rest_s,
            "load gf", "", "kPa", "gf/cm^2", "height cm", "strain", "recovered", "residual");
     // Run each load on the one-dimensional element and, with --lattice, also on the lattice.
     for (int i = 0; i < opt->loads; i++) {
         reading r;
-        for (int lattice = 0; lattice <= (model != NULL); lattice++) {
-            // run the one-dimensional element first, for comparison; a model of NULL selects the element
-            b->model = lattice ? model : NULL;
+        for (int lattice = 0; lattice <= (b->model != NULL); lattice++) {
+            kn_rheometer_choose(b, lattice);
             kn_rheometer_bar(b, opt->hold_s + opt->rest_s);
-            int code = creep(b, t, opt->load_n[i], &r);
+            code = creep(b, t, opt->load_n[i], &r);
             kn_rheometer_bar_end(b);
-            b->model = model;
             if (code != KN_EXIT_OK) return code;
             print_row(lattice ? "lattice" : "element", opt->load_n[i], &r);
         }

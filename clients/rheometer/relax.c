@@ -16,9 +16,8 @@ static const char help[] =
     "  --strain S        share of the height, 10% or 0.1 (default: 10 %)\n"
     "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s' (default: a step of strain)\n"
     "                    A step is impossible for an element that responds as a dashpot at first, such as dough\n"
-    "  --hold TIME       time at that strain (default: 100 s)\n"
-    "  --lattice NxNxN   also test a lattice of N x N x N cells, as high as the specimen, with kneadd's solver;\n"
-    "                    needs --ramp\n"
+    "  --hold TIME       time at that strain (default: 100 s)\n" KN_RHEOMETER_LATTICE_HELP
+    "                    a step of strain is impossible for a lattice: needs --ramp\n"
     "  --csv FILE        write time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s < 0 during the ramp\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
@@ -76,13 +75,14 @@ static int relax(kn_rheometer *b, kn_table *t, reading *r)
     const kn_rheometer_options *opt = b->opt;
     double begin_s;
     kn_rheometer_fresh(b);
-    kn_table_series(t, b->model ? "lattice" : "element");
+    kn_table_series(t, b->lattice_runs ? "lattice" : "element");
     int code = press(b, t, &begin_s);
     *r = (reading){.peak_pa = b->stress_pa, .fallen_s = {NAN, NAN, NAN}};
     if (code == KN_EXIT_OK) code = kn_rheometer_strain(b, opt->strain, 0);
     // When the plate stops, the mass of the block swings for a few steps. So wait for ten steps before the first
     // reading of the hold.
-    if (b->model && code == KN_EXIT_OK) code = kn_rheometer_advance(b, b->time_s + 10 * b->model->def.solver.dt_s);
+    if (b->lattice_runs && code == KN_EXIT_OK)
+        code = kn_rheometer_advance(b, b->time_s + 10 * b->model->def.solver.dt_s);
     r->begin_pa = b->stress_pa;
     add(t, b, begin_s);
     for (int i = 0; i <= SAMPLES_PER_DECADE * DECADES && code == KN_EXIT_OK; i++) {
@@ -115,30 +115,34 @@ static void print_row(const char *name, const reading *r)
     printf("\n");
 }
 
-// Run the element and then, with --lattice, the lattice. If b->model is NULL, the rheometer runs the element.
+// Run the element and then, with --lattice, the lattice.
 static int run(kn_rheometer *b, kn_table *t)
 {
     const kn_rheometer_options *opt = b->opt;
-    kn_model *model = b->model;
-    t->pairs = model;
+    const double ramp_s = opt->ramp_per_s > 0 ? opt->strain / opt->ramp_per_s : 0;
+    if (b->model && ramp_s == 0)
+        return kn_complain(opt->subcommand, KN_EXIT_USAGE,
+                           "--lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%%/s");
+    int code = kn_rheometer_time_step(b, ramp_s, 200);
+    if (code != KN_EXIT_OK) return code;
+    t->pairs = b->model;
     kn_rheometer_print(b);
     if (opt->ramp_per_s > 0)
         printf("test      to %g %% at %g %%/s, held %g s\n", 100 * opt->strain, 100 * opt->ramp_per_s, opt->hold_s);
     else printf("test      a step to %g %%, held %g s\n", 100 * opt->strain, opt->hold_s);
     printf("\n%8s %35s   s until the stress has fallen to\n%-8s %11s %11s %11s %9s %9s %9s\n", "", "stress, Pa", "",
            "at the end", "held", "at last", "1/2", "1/e", "1/10");
-    for (int lattice = 0; lattice <= (model != NULL); lattice++) {
+    for (int lattice = 0; lattice <= (b->model != NULL); lattice++) {
         reading r;
-        b->model = lattice ? model : NULL;
+        kn_rheometer_choose(b, lattice);
         kn_rheometer_bar(b, opt->hold_s + (opt->ramp_per_s > 0 ? opt->strain / opt->ramp_per_s : 0));
-        int code = relax(b, t, &r);
+        code = relax(b, t, &r);
         kn_rheometer_bar_end(b);
-        b->model = model;
         if (code != KN_EXIT_OK) return code;
         print_row(lattice ? "lattice" : "element", &r);
     }
     printf("\nheld: just after the ramp has ended%s; the viscous stress of a dashpot has vanished by then\n",
-           model ? " (lattice: ten steps)" : "");
+           b->model ? " (lattice: ten steps)" : "");
     return KN_EXIT_OK;
 }
 

@@ -128,6 +128,13 @@ static int take_expression(kn_rheometer *b)
 
 // ---- the lattice: N x N x N cells of the cube with the scene's law
 
+static int make_states(kn_rheometer *b)
+{
+    b->lattice = kn_state_create(b->model);
+    b->trial = kn_state_create(b->model);
+    return b->lattice && b->trial ? KN_EXIT_OK : kn_complain(b->opt->subcommand, KN_EXIT_DEVICE, "out of memory");
+}
+
 static int build_lattice(kn_rheometer *b, const kn_model_def *scene)
 {
     const kn_rheometer_options *opt = b->opt;
@@ -158,23 +165,27 @@ static int build_lattice(kn_rheometer *b, const kn_model_def *scene)
         def.nodes[1] = 1;
         def.thickness_m = def.spacing_m * opt->lattice[1];
     }
-    // Set the conditions of the rheometer: no gravity, a frictionless table, and one plate above the whole specimen.
+    // Set the conditions of the rheometer: no gravity, and one plate above the whole specimen, even when it has spread
+    // to a hundredth of its height.
     def.gravity_m_s2 = 0;
-    def.support = KN_SUPPORT_FRICTIONLESS;
+    memset(def.fine, 0, sizeof def.fine);
+    def.density_kg_m3 = 1; // almost no inertia, as the element has none
+    def.support = opt->table_sticks ? KN_SUPPORT_BONDED : KN_SUPPORT_FRICTIONLESS;
     def.probe_count = 1;
-    def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE};
-    for (int k = 0; k < 2; k++) def.probe[0].size_m[k] = 3 * def.spacing_m * opt->lattice[k];
+    def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .adhesion_pa = opt->adhesion_pa};
+    def.probe[0].surface = opt->plate_slides ? KN_PLATE_SLIDES : KN_PLATE_STICKS;
+    for (int k = 0; k < 2; k++) def.probe[0].size_m[k] = 10 * def.spacing_m * opt->lattice[k];
     // Use accurate solver settings, because the rheometer is an experiment and not a real-time loop.
     def.solver.kind = KN_SOLVER_IMPLICIT;
     def.solver.precision = KN_PRECISION_F64;
     def.solver.linearization = KN_LINEARIZATION_BLEND;
-    def.solver.dt_s = 1e-2; // in s; a coarse time step is sufficient, because creep takes seconds
-    def.solver.iterations_max = 100;
-    def.solver.tolerance = 1e-4;
+    def.solver.dt_s = KN_RHEOMETER_STEP_S;
+    def.solver.passes = 12;
+    def.solver.iterations_max = 1000;
+    def.solver.tolerance = 1e-6;
     if (!(b->model = kn_model_build(&def, error, sizeof error)))
         return kn_complain(opt->subcommand, KN_EXIT_USAGE, "--lattice: %s", error);
-    b->lattice = kn_state_create(b->model);
-    return b->lattice ? KN_EXIT_OK : kn_complain(opt->subcommand, KN_EXIT_DEVICE, "out of memory");
+    return make_states(b);
 }
 
 // Return the undeformed section S0 [m^2]. With --lattice it is the section of the block, which is as high as the cube;
@@ -229,7 +240,25 @@ int kn_rheometer_open(kn_rheometer *b, const kn_rheometer_options *opt)
 void kn_rheometer_close(kn_rheometer *b)
 {
     kn_state_destroy(b->lattice);
+    kn_state_destroy(b->trial);
     kn_model_destroy(b->model);
+}
+
+void kn_rheometer_choose(kn_rheometer *b, bool lattice) { b->lattice_runs = lattice && b->model; }
+
+int kn_rheometer_time_step(kn_rheometer *b, double span_s, int steps)
+{
+    const double most = ceil(span_s / KN_RHEOMETER_SHORT_S), least = ceil(span_s / KN_RHEOMETER_STEP_S);
+    const double dt_s = span_s / fmax(1, fmax(fmin(steps, most), least));
+    if (!b->model || b->model->def.solver.dt_s == dt_s) return KN_EXIT_OK;
+    char error[256];
+    kn_model_def def = b->model->def;
+    def.solver.dt_s = dt_s;
+    kn_rheometer_close(b);
+    b->lattice = b->trial = NULL;
+    if (!(b->model = kn_model_build(&def, error, sizeof error)))
+        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE, "--lattice: %s", error);
+    return make_states(b);
 }
 
 void kn_rheometer_fresh(kn_rheometer *b)
@@ -237,7 +266,9 @@ void kn_rheometer_fresh(kn_rheometer *b)
     b->now = (kn_network_state){0};
     b->time_s = b->strain = b->stress_pa = b->force_n = 0;
     b->step = 0;
+    b->flat = false;
     if (b->model) kn_state_reset(b->model, b->lattice);
+    b->plate = (kn_level_plate){0};
 }
 
 // ---- running an experiment
@@ -260,10 +291,9 @@ static int take_drive(kn_rheometer *b, kn_drive drive)
 {
     drive.start_s = b->time_s;
     b->drive = drive;
-    if (b->model && drive.kind == KN_DRIVE_STRAIN && fabs(drive.value - b->strain) > 1e-3)
-        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
-                           "--lattice: a plate cannot jump, expected --ramp RATE, e.g. --ramp 10%%/s");
-    if (b->model) return KN_EXIT_OK; // with a lattice, the drive acts from the next step on
+    // With a lattice, the drive acts from the next step on. A weight comes down on a plate that touches the specimen.
+    if (b->lattice_runs && drive.kind != KN_DRIVE_STRAIN) kn_level_plate_lower(&b->plate, b->model, b->lattice);
+    if (b->lattice_runs) return KN_EXIT_OK;
     if (!kn_network_jump(&b->net, &b->now, &drive))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
                            "%s: responds as a dashpot at first, so a step of strain needs an infinite stress, "
@@ -289,47 +319,61 @@ int kn_rheometer_swing(kn_rheometer *b, double amplitude, double omega)
     return take_drive(b, (kn_drive){.kind = KN_DRIVE_STRAIN, .amplitude = amplitude, .omega = omega});
 }
 
-// Return the input for one lattice step: a load on the top face, or position and velocity of the plate.
-static kn_input lattice_input(const kn_rheometer *b)
+// Return the strain that the drive prescribes at time t.
+static double drive_strain(const kn_drive *d, double t_s)
 {
-    const kn_drive *d = &b->drive;
-    kn_input in = {0};
-    if (d->kind == KN_DRIVE_STRAIN) {
-        in.probe[0].attached = true;
-        in.probe[0].position_m[2] = KN_RHEOMETER_HEIGHT_M * (1 - d->value - d->rate_per_s * (b->time_s - d->start_s));
-        in.probe[0].velocity_m_s[2] = -KN_RHEOMETER_HEIGHT_M * d->rate_per_s;
-    } else in.top_load_n = d->value * area_m2(b) * (d->kind == KN_DRIVE_LOAD ? 1 - b->strain : 1);
-    return in;
+    const double since_s = t_s - d->start_s;
+    return d->value + d->rate_per_s * since_s + d->amplitude * sin(d->omega * since_s);
 }
 
-// Advance the lattice by one time step and update the readings. A constant weight W acts as the load W h/h0 on the
-// undeformed section S0. This gives the same stress W h/(S0 h0) as in the one-dimensional element (first paper,
-// equation 4).
+// Advance the lattice by one time step under a plate of prescribed height or force, and update the readings.
 static int step_lattice(kn_rheometer *b)
 {
-    kn_input in = lattice_input(b);
+    if (b->flat) return KN_EXIT_OK;
+    const kn_drive *d = &b->drive;
+    const double dt_s = b->model->def.solver.dt_s, load_n = d->value * area_m2(b);
+    kn_input in = {0};
     kn_output out;
-    if (kn_step(b->model, b->lattice, &in, &out) != KN_OK)
-        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
-                           "--lattice: the block came apart at %.3g s, expected a smaller load or a slower ramp",
-                           b->time_s);
+    bool good;
+    if (d->kind != KN_DRIVE_STRAIN && load_n > 0) {
+        const kn_plate_status status =
+            kn_level_plate_step(&b->plate, b->model, b->lattice, b->trial, load_n, &in, &out);
+        b->flat = status == KN_PLATE_FLAT;
+        if (b->flat) return KN_EXIT_OK;
+        good = status == KN_PLATE_CARRIED;
+    } else {
+        if (d->kind == KN_DRIVE_STRAIN) {
+            const double now = drive_strain(d, b->time_s), next = drive_strain(d, b->time_s + dt_s);
+            in.probe[0].attached = true;
+            in.probe[0].position_m[2] = KN_RHEOMETER_HEIGHT_M * (1 - now);
+            in.probe[0].velocity_m_s[2] = KN_RHEOMETER_HEIGHT_M * (now - next) / dt_s;
+        }
+        good = kn_step(b->model, b->lattice, &in, &out) == KN_OK;
+    }
     b->step++;
-    b->time_s = (double)b->step * b->model->def.solver.dt_s;
+    b->time_s = (double)b->step * dt_s;
     b->strain = lattice_strain(b);
-    // If the plate is attached, the specimen carries its contact force. Otherwise the specimen carries the load on the
-    // top face.
-    double carried = in.probe[0].attached ? out.probe[0].force_n[2] : in.top_load_n;
-    b->stress_pa = carried / area_m2(b);
-    b->force_n = b->stress_pa * area_m2(b) / grown(b);
+    if (!good)
+        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
+                           "--lattice: the block came apart at %.3g s, expected a smaller load or a slower plate",
+                           b->time_s);
+    // a plate that goes down keeps its contact, unless the cells below it turn inside out
+    if (d->kind == KN_DRIVE_STRAIN && d->rate_per_s > 0 && b->force_n > 0 && out.probe[0].contacts == 0)
+        return kn_complain(b->opt->subcommand, KN_EXIT_USAGE,
+                           "--lattice: its cells turn inside out at a strain of %.3g, expected a smaller strain or "
+                           "gas (--set object.pressure=cells)",
+                           b->strain);
+    b->force_n = out.probe[0].force_n[2];
+    b->stress_pa = b->force_n / area_m2(b) * grown(b);
     return KN_EXIT_OK;
 }
 
 int kn_rheometer_advance(kn_rheometer *b, double until_s)
 {
     int code = KN_EXIT_OK;
-    if (b->model) {
+    if (b->lattice_runs) {
         // Stop at the time step nearest to until_s. A margin of half a step absorbs rounding errors.
-        while (code == KN_EXIT_OK && b->time_s < until_s - 0.5 * b->model->def.solver.dt_s) {
+        while (code == KN_EXIT_OK && !b->flat && b->time_s < until_s - 0.5 * b->model->def.solver.dt_s) {
             code = step_lattice(b);
             kn_progress_step(&b->bar, (double)b->stepped++);
         }
@@ -344,7 +388,7 @@ int kn_rheometer_advance(kn_rheometer *b, double until_s)
 
 void kn_rheometer_bar(kn_rheometer *b, double seconds)
 {
-    if (b->model) b->bar = kn_progress_open(b->opt->subcommand, fmax(1, seconds / b->model->def.solver.dt_s));
+    if (b->lattice_runs) b->bar = kn_progress_open(b->opt->subcommand, fmax(1, seconds / b->model->def.solver.dt_s));
     b->stepped = 0;
 }
 
@@ -371,8 +415,10 @@ void kn_rheometer_print(const kn_rheometer *b)
         if (p->stroke) printf(", stopped at a strain of %.3g and %.3g", p->stop[0], p->stop[1]);
     }
     if (b->model)
-        printf("\nbench     lattice of %d x %d x %d cells, diagonals, sliding on the table; step %g s, f64\n",
-               b->opt->lattice[0], b->opt->lattice[1], b->opt->lattice[2], b->model->def.solver.dt_s);
+        printf("\nbench     lattice of %d x %d x %d cells, which %s the table and %s the plate; step %g s, f64\n",
+               b->opt->lattice[0], b->opt->lattice[1], b->opt->lattice[2],
+               b->opt->table_sticks ? "sticks to" : "slides on", b->opt->plate_slides ? "slides on" : "sticks to",
+               b->model->def.solver.dt_s);
     else
         printf("\nbench     one element in one dimension, integrated to a tolerance of %g of its strain per step\n",
                KN_RHEOMETER_TOLERANCE);

@@ -2,15 +2,19 @@
 #define KN_CLIENTS_RHEOMETER_H
 // The virtual rheometer: the common part of creep, relax, sweep and tpa. The specimen is a 1 cm cube on a bench:
 //
-//          load or plate            The specimen is one element in one dimension (core/network.h), any expression. With
-//         +---+---+---+             --lattice it is a block of N x N x N cells with a scene's law. The block is stepped
-//         |   1 cm    |             by core/step.h, as in the server.
-//         +---+---+---+             Force = P S with stress P and section S. S grows as the height h falls, S h = S0 h0
-//         ///////////// table       (first paper, equation 4), unless --area constant is given.
+//          level plate              The specimen is one element in one dimension (core/network.h), any expression. With
+//         =============             --lattice it is a block of N x N x N cells with a scene's law, stepped by core/step.h
+//         |   1 cm    |             as in the server. A plate of prescribed force or height presses it.
+//         =============             Force = P S with stress P and section S. S grows as the height h falls, S h = S0 h0
+//             table                 (first paper, equation 4), unless --area constant is given.
+//
+// The force of the element follows from its stress. The force of a lattice is that on its plate, and its stress is this
+// force over the same section S, whatever section the lattice itself has.
 //
 // Compression is positive. All values are in SI units. The units gf and cm appear only in input and output.
 #include "clients/cli/command.h"
 #include "clients/cli/curve_table.h"
+#include "core/level_plate.h"
 #include "core/network.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
@@ -23,8 +27,12 @@
 // Tolerance of kn_network_advance: local error of one integration step, relative to the largest strain of any spring or
 // damper.
 #define KN_RHEOMETER_TOLERANCE 1e-9
+#define KN_BONDED_PA 1e9 // adhesion of a plate to which the specimen is glued
 #define KN_GF_N 0.00980665
 #define KN_GF_CM2_PA 98.0665
+// longest and shortest time step of a lattice; creep takes seconds
+#define KN_RHEOMETER_STEP_S 1e-2
+#define KN_RHEOMETER_SHORT_S 1e-4
 #define KN_RHEOMETER_LOADS 16
 
 typedef struct kn_rheometer_options {
@@ -32,7 +40,9 @@ typedef struct kn_rheometer_options {
     const char **params, **sets; // arguments of the options --param and --set
     int param_count, set_count;
     bool constant_area;
-    int lattice[3]; // number of cells along x, y, z; 0: the specimen is one element
+    int lattice[3];                  // number of cells along x, y, z; 0: the specimen is one element
+    bool table_sticks, plate_slides; // lattice: whether it sticks to the table, and slides on the plate
+    double adhesion_pa;              // tension at which the plate comes off the specimen
     const char *csv, *png;
     double load_n[KN_RHEOMETER_LOADS];
     int loads;
@@ -46,8 +56,11 @@ typedef struct kn_rheometer {
     kn_network net;  // network of springs and dampers: the specimen itself, or with --lattice the law of each edge
     kn_network_state now;
     kn_drive drive;
-    kn_model *model; // lattice model of the specimen; NULL: the specimen is one element
-    kn_state *lattice;
+    kn_model *model;   // lattice model of the specimen; NULL: the specimen is one element
+    bool lattice_runs; // the experiment runs on the lattice, not on the element
+    kn_state *lattice, *trial;
+    kn_level_plate plate; // plate of the lattice while it carries a load
+    bool flat;            // the plate has squeezed the lattice flat: the time and the readings stay as they are
     int64_t step;
     double time_s, strain, stress_pa, force_n; // latest readings: time, strain, stress and force of the specimen
     kn_progress bar;                           // progress bar, which counts lattice steps while it is open
@@ -65,6 +78,12 @@ void kn_rheometer_options_free(kn_rheometer_options *opt);
 int kn_rheometer_open(kn_rheometer *b, const kn_rheometer_options *opt);
 void kn_rheometer_close(kn_rheometer *b);
 void kn_rheometer_fresh(kn_rheometer *b); // replace the specimen by an undeformed one and set the time to 0
+
+// Run the experiments that follow on the lattice (true) or on the element.
+void kn_rheometer_choose(kn_rheometer *b, bool lattice);
+// Give the lattice a time step of which `span_s` is a whole multiple, at least `steps` times if the step is then not too
+// short. Replace the lattice by an undeformed one. Call it between experiments. Does nothing without a lattice.
+int kn_rheometer_time_step(kn_rheometer *b, double span_s, int steps);
 
 // Change the drive of the specimen at the present time: a load (the weight load_n), a strain (beginning with the value
 // `from`, then changing at the rate rate_per_s), or an oscillating strain. Afterwards the readings in `b` are those
@@ -106,6 +125,13 @@ int kn_rheometer_main(const kn_experiment *experiment, kn_rheometer_options opt,
     "                    s1='46 kPa' or '470 gf/cm^3' (per cm of the cube), d1='245 kPa*s' or '2500 gf s/cm^3', and\n" \
     "                    d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)', a damper of\n"             \
     "                    alpha exp(-beta P) for stresses P between P0 and P1, constant outside this range\n"
+
+// Help text of --lattice.
+#define KN_RHEOMETER_LATTICE_HELP                                                                                      \
+    "  --lattice NxNxN   also test a lattice of so many cells, as high as the specimen, by the solver of kneadd:\n"    \
+    "                    between a table and a level plate, as in a laboratory\n"                                      \
+    "  --table HOW       the lattice on the table: slide (without friction, default) or stick\n"                       \
+    "  --plate HOW       the lattice on the plate: stick (default) or slide\n"
 
 // Help text of --area, for creep, relax and tpa, whose stress depends on the section of the specimen.
 #define KN_RHEOMETER_AREA_HELP                                                                                         \

@@ -103,7 +103,11 @@ static const kn_option rows[] = {
     KN_OPTION("set", LIST, AT(sets), .count = offsetof(kn_rheometer_options, set_count)),
     KN_OPTION("area", EITHER, AT(constant_area), .unit = "grows|constant", .expected = "constant or grows",
               .belongs = "crt"),
-    KN_OPTION("lattice", SPECIAL, AT(lattice), .take = take_lattice, .belongs = "cr"),
+    KN_OPTION("lattice", SPECIAL, AT(lattice), .take = take_lattice),
+    KN_OPTION("table", EITHER, AT(table_sticks), .unit = "slide|stick", .expected = "slide or stick"),
+    KN_OPTION("plate", EITHER, AT(plate_slides), .unit = "stick|slide", .expected = "stick or slide"),
+    KN_OPTION("adhesion", QUANTITY, AT(adhesion_pa), .unit = "Pa", KN_RANGE(0, 1e7),
+              .expected = "a tension from 0 to 10 MPa like '2 kPa'", .belongs = "t"),
     KN_OPTION("csv", TEXT, AT(csv)),
     KN_OPTION("png", TEXT, AT(png)),
     KN_OPTION("json", CALL, .call = kn_result_open),
@@ -125,6 +129,8 @@ int kn_rheometer_options_parse(kn_rheometer_options *opt, const char *subcommand
         return kn_complain(subcommand, KN_EXIT_USAGE,
                            "expected one specimen, a material like dough or an expression like '(s|d)-d'; see --help");
     opt->specimen = argv[optind];
+    if (!opt->lattice[0] && (opt->table_sticks || opt->plate_slides))
+        return kn_complain(subcommand, KN_EXIT_USAGE, "--table and --plate belong to --lattice, expected it too");
     return code;
 }
 

@@ -22,8 +22,13 @@ knead creep dough --set material.k1='940 gf/cm^3' >out && [ "$(value 50 7)" = 0.
 knead creep s --param s1='1 kPa' --load 0.05N --area constant >out && [ "$(value 5.099 6)" = 0.5000 ] || fail "a spring: $(cat out)"
 
 # At small strain a lattice of the same material creeps alike.
-knead creep dough --lattice 2x2x2 --load 2gf --hold 10 --rest 0 >out || fail "lattice: exit $?"
+knead creep dough --lattice 2x2x2 --plate slide --load 2gf --hold 10 --rest 0 >out || fail "lattice: exit $?"
 awk '$2 == "element" { e = $6 } $2 == "lattice" { l = $6 } END { exit !(l > 0.97 * e && l < 1.03 * e) }' out || fail "lattice: $(cat out)"
+
+# Under a weight that does not shrink with the block, diagonals alone are squeezed flat. Gas keeps the volume.
+knead creep dough --lattice 1x1x1 --load 50gf --rest 0 >out && grep -q "^ *50 lattice *flat after 4[.0-9]* s" out || fail "the lattice is not flat: $(cat out)"
+knead creep dough --lattice 1x1x1 --load 50gf --rest 0 --table stick --set object.pressure=cells >out && grep -q "^ *50 lattice.*0[.]" out && ! grep -q flat out ||
+    fail "a lattice with gas: $(cat out)"
 
 # 6 cm^2 of area: 1 gf/cm^2
 knead creep dough --lattice 3x2x1 --load 6gf --hold 1 --rest 0 >out || fail "a wide block: exit $?"
