@@ -221,7 +221,7 @@ static void build_table(kn_law *law, bool exact)
     if (exact) law->fine_error = error_of(law, fine_stress);
 }
 
-void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
+void kn_law_init(kn_law *law, const kn_material *mat, double dt_s)
 {
     *law = (kn_law){.mat = *mat, .dt_s = dt_s, .a_pa_s = mat->c1_pa_s + dt_s * mat->k1_pa};
     // a law without damper or with a constant damper is a straight line
@@ -247,6 +247,12 @@ void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
     if (mat->p0_pa >= law->s0_pa) law->s0_pa = mat->p0_pa;
     law->b0_pa = law->s0_pa / slope_of(law, kn_material_c2(mat, law->s0_pa));
     law->slope_rest = law->s0_pa / law->b0_pa;
+}
+
+void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact)
+{
+    kn_law_init(law, mat, dt_s);
+    if (law->kind != KN_LAW_EXACT) return;
     build_table(law, exact);
     if (law->seeded && !exact) law->kind = KN_LAW_TABLE;
 }

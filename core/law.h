@@ -86,6 +86,9 @@ typedef struct kn_law {
 // becomes KN_LAW_EXACT if the range of b is too wide for a table with an error of at most 1e-3.
 void kn_law_build(kn_law *law, const kn_material *mat, double dt_s, bool exact);
 
+// Build the law without its tables, a thousand times as fast, for kn_law_stress and kn_law_slope only.
+void kn_law_init(kn_law *law, const kn_material *mat, double dt_s);
+
 // Return true if the law is KN_LAW_EXACT and its f64 table has an error of at most 1e-10. Kernels in f64 then use the
 // table. Other exact laws need Newton's method edge by edge, which takes some 40 times as long.
 bool kn_law_in_lanes(const kn_law *law);

@@ -33,6 +33,9 @@ static const char help[] =
     "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
     "  --late                 also fit the times at which each curve's load was applied and removed;\n"
     "                         all results then count time from the fitted arrival of the load\n"
+    "  --serve STRUCTURE      also fit the material of a lattice, so that the lattice under a weight repeats the curves;\n"
+    "                         --out then writes a whole scene. STRUCTURE, by the first paper's figure 4:\n"
+    "                         a: diagonals; b: gas in the cells, with diagonals of 2 %; c: gas and diagonals\n"
     KN_IDENTIFY_OUTPUT_HELP
     "\nThe output gives the best parameters over all curves together, and their 95 % intervals.\n"
     "The intervals are valid if the model is right and the noise is independent. The output says whether this is so.\n"
@@ -565,6 +568,83 @@ static int fill_page(kn_document *d, kn_identification *w)
     return w->served ? kn_creep_validation(d, w) : KN_EXIT_OK;
 }
 
+// ---- the material of a lattice (--serve)
+
+static const struct {
+    char letter;
+    kn_affine_structure structure;
+    const char *words, *keys;
+} lattices[] = {
+    {'a', {1, 0}, "diagonals", ""},
+    {'b',
+     {0.02, 101325},
+     "gas in the cells, with diagonals of 2 %",
+     "  diagonal_stiffness: 0.02\n  pressure: cells\n  inside_pressure: 1 atm\n"},
+    {'c', {1, 101325}, "gas in the cells, and diagonals", "  pressure: cells\n  inside_pressure: 1 atm\n"},
+};
+
+// A lattice that is off by more than this share of the largest strain does not follow the specimen.
+#define FOLLOWS 0.15
+
+static double worst_left(const kn_identification *w)
+{
+    double worst = 0;
+    for (int k = 0; k < w->curves; k++) worst = fmax(worst, w->lattice.left[k]);
+    return worst;
+}
+
+// Fit the lattice and print its parameters, with what is left on each curve.
+static void serve(kn_identification *w)
+{
+    const int s = w->opt.serve - 'a';
+    json_t *to = kn_result();
+    if (!kn_served_lattice_fit(&w->lattice, w->opt.subcommand, &lattices[s].structure, w->curves, w->curve,
+                               &w->creep)) {
+        kn_identify_note(w, "no lattice with %s repeats these curves, expected another structure than --serve %c",
+                         lattices[s].words, w->opt.serve);
+        w->lattice.rounds = 0;
+        return;
+    }
+    printf("\nlattice with %s, between a table without friction and a plate that carries the load\n",
+           lattices[s].words);
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_print_number(&w->lattice.number[i], 7, 44, "");
+    printf("\n%-20s %30s\n%-20s %14s %15s\n", "", "left, % of the largest strain", "curve", "lattice",
+           "with the element's");
+    for (int k = 0; k < w->curves; k++) {
+        json_t *row = kn_result_add("lattice");
+        kn_result_text(row, "curve", w->curve[k].name);
+        kn_result_number(row, "left", w->lattice.left[k]);
+        kn_result_number(row, "left_before", w->lattice.before[k]);
+        printf("%-20s %14.2g %15.2g\n", w->curve[k].name, 100 * w->lattice.left[k], 100 * w->lattice.before[k]);
+    }
+    if (to) json_object_set_new(to, "structure", json_stringn(&w->opt.serve, 1));
+    if (worst_left(w) > FOLLOWS)
+        kn_identify_note(
+            w,
+            "a lattice with %s cannot follow these curves: up to %.0f %% of the largest strain are left; try "
+            "another structure",
+            lattices[s].words, 100 * worst_left(w));
+}
+
+// Write the first paper's block with the lattice's material as a scene, with what is left on each curve as comments.
+static int write_scene(const kn_identification *w, const char *path)
+{
+    char origin[600], source[KN_SOURCE_MAX], scene[4096];
+    int used = 0;
+    snprintf(origin, sizeof origin, "lattice with %s from %s: %d curve%s.", lattices[w->opt.serve - 'a'].words,
+             kn_material_source(w->opt.file[0], w->opt.files, source), w->curves, w->curves == 1 ? "" : "s");
+    for (int k = 0; k < w->curves && used < 2800; k++)
+        used += snprintf(scene + used, sizeof scene - (size_t)used,
+                         "# left on curve %d: %.2g %% of its largest strain\n", k + 1, 100 * w->lattice.left[k]);
+    snprintf(scene + used, sizeof scene - (size_t)used,
+             "version: 1\nobject:\n  size: [5 cm, 5 cm, 3 cm]\n  spacing: 3.3333333 mm\n%ssupport: bonded\n"
+             "gravity: 0 m/s^2\ndevice: bench\nprobes:\n  - {name: plate, shape: plate, size: [1 cm, 6 cm]}\n"
+             "  - {name: finger, shape: sphere, radius: 1.5 cm}\n",
+             lattices[w->opt.serve - 'a'].keys);
+    return kn_material_file_write(w->opt.subcommand, path, origin, scene, &w->lattice.material, w->opt.density_kg_m3,
+                                  KN_ESTIMATE_NUMBERS, w->lattice.number);
+}
+
 // ---- the steps of the experiment creep
 
 // Fit all curves at once. Then shift the times of each curve by the fitted lateness of its load.
@@ -587,6 +667,7 @@ static void tell(kn_identification *w)
     print_numbers(&w->creep);
     print_curves(w);
     print_stages(w);
+    if (w->opt.serve) serve(w);
     // Print the notes last, after all tables.
     if (!kn_identify_compare(w, error)) kn_identify_note(w, "other models were not compared: %s", error);
     printf("\n");
@@ -613,21 +694,27 @@ static bool csv_rows(const kn_identification *w, FILE *f)
     return ok;
 }
 
-static int write_material(const kn_identification *w, const char *path)
+static int write_element(const kn_identification *w, const char *path)
 {
     const kn_creep_fit *j = &w->creep;
     char origin[600], source[KN_SOURCE_MAX];
     snprintf(origin, sizeof origin, "creep from %s: %d curve%s, %d readings, stresses %.4g to %.4g Pa.",
              kn_material_source(w->opt.file[0], w->opt.files, source), w->curves, w->curves == 1 ? "" : "s",
              j->readings, j->lowest_pa, j->highest_pa);
-    return kn_material_file_write(w->opt.subcommand, path, origin, &j->material, w->opt.density_kg_m3,
+    return kn_material_file_write(w->opt.subcommand, path, origin, NULL, &j->material, w->opt.density_kg_m3,
                                   KN_ESTIMATE_NUMBERS, j->number);
+}
+
+// Write the file of --out: the element's material or, with --serve, a scene with the lattice's material.
+static int write_out(const kn_identification *w, const char *path)
+{
+    return w->lattice.rounds > 0 ? write_scene(w, path) : write_element(w, path);
 }
 
 static int report(kn_identification *w, kn_document *d)
 {
     char path[PATH_MAX];
-    int code = w->served ? write_material(w, kn_document_file(d, "material.yaml", path)) : KN_EXIT_OK;
+    int code = w->served ? write_element(w, kn_document_file(d, "material.yaml", path)) : KN_EXIT_OK;
     return code == KN_EXIT_OK ? fill_page(d, w) : code;
 }
 
@@ -642,4 +729,4 @@ const kn_identify_experiment kn_identify_creep = {.subcommand = "identify creep"
                                                   .csv_rows = csv_rows,
                                                   .draw = draw,
                                                   .report = report,
-                                                  .write_material = write_material};
+                                                  .write_material = write_out};

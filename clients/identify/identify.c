@@ -65,6 +65,12 @@ static int keep_apart(const kn_identify_options *opt)
     return KN_OPTIONS_READ;
 }
 
+static const char *take_structure(void *structure, const char *text)
+{
+    *(char *)structure = *text;
+    return strlen(text) == 1 && strchr("abc", *text) ? NULL : "a structure of the first paper: a, b or c";
+}
+
 #define AT(member) .offset = offsetof(kn_identify_options, member)
 #define SI(unit_text) .unit = unit_text, KN_RANGE(KN_ABOVE_0, 1e30)
 // `belongs` lists the experiments that accept the option, by their first letters.
@@ -80,6 +86,7 @@ static const kn_option rows[] = {
     KN_OPTION("units", TEXT, AT(curve.units)),
     KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cr"),
     KN_OPTION("late", FLAG, AT(late), .belongs = "c"),
+    KN_OPTION("serve", SPECIAL, AT(serve), .take = take_structure, .belongs = "c"),
     KN_OPTION("noise", EITHER, AT(constant_noise), .unit = "relative|constant", .expected = "constant or relative",
               .belongs = "r"),
     KN_OPTION("cut", QUANTITY, AT(cut_s), SI("s"), .expected = "a time like 100 or '100 s'", .belongs = "cr"),

@@ -182,8 +182,9 @@ bool kn_material_served(const kn_material *material, char *why, size_t why_size)
     return served;
 }
 
-int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
-                           double density_kg_m3, int count, const kn_parameter_estimate *number)
+int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const char *scene,
+                           const kn_material *material, double density_kg_m3, int count,
+                           const kn_parameter_estimate *number)
 {
     char why[512];
     kn_beside out;
@@ -198,6 +199,7 @@ int kn_material_file_write(const char *subcommand, const char *path, const char 
             "%s %s\n"
             "# 95 %% intervals, valid if the model is right and the noise is independent.\n",
             mark, origin);
+    if (scene) fputs(scene, f);
     print_material(f, material, count, number);
     if (density_kg_m3 > 0) fprintf(f, "density: %.6g kg/m^3\n", density_kg_m3);
     else fprintf(f, "density: %d kg/m^3  # not measured: the density of dough; --density sets another\n", DOUGH_KG_M3);

@@ -66,7 +66,9 @@ int kn_material_file_try(const char *subcommand, const char *path);
 // is written with a remark. Return 0, or print an error and return an exit code. A material that no scene accepts is
 // not written (exit code 1). An existing file that this command did not write is not overwritten (exit code 2). An
 // existing material file is replaced only when the new file is complete.
-int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const kn_material *material,
-                           double density_kg_m3, int count, const kn_parameter_estimate *number);
+// If `scene` is not NULL, the file is a whole scene: `scene` is the text of all keys but material and density.
+int kn_material_file_write(const char *subcommand, const char *path, const char *origin, const char *scene,
+                           const kn_material *material, double density_kg_m3, int count,
+                           const kn_parameter_estimate *number);
 
 #endif

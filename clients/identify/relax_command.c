@@ -352,7 +352,7 @@ static int write_material(const kn_identification *w, const char *path)
     snprintf(origin, sizeof origin, "relax from %s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s",
              kn_material_source(w->opt.file[0], w->opt.files, source), r->curves, r->curves > 1 ? "s" : "",
              r->lowest_pa, r->highest_pa, scale_words(r));
-    return kn_material_file_write(w->opt.subcommand, path, origin, &r->material, w->opt.density_kg_m3,
+    return kn_material_file_write(w->opt.subcommand, path, origin, NULL, &r->material, w->opt.density_kg_m3,
                                   KN_ESTIMATE_NUMBERS, r->number);
 }
 

@@ -438,8 +438,8 @@ static int write_material(const kn_identification *w, const char *path)
                                                     : at_rest);
     const size_t n = strlen(origin);
     if (doubt(w, doubts, sizeof doubts)) snprintf(origin + n, sizeof origin - n, "\n# Beware: %s.", doubts);
-    return kn_material_file_write(w->opt.subcommand, path, origin, &row->material, w->opt.density_kg_m3, row->parts,
-                                  row->number);
+    return kn_material_file_write(w->opt.subcommand, path, origin, NULL, &row->material, w->opt.density_kg_m3,
+                                  row->parts, row->number);
 }
 
 typedef struct drawing { // moduli of two elements over frequency

@@ -102,6 +102,13 @@ knead identify creep 10gf.csv 50gf.csv late70.csv --no-models >late.txt 2>err &&
     ok "a late load is suspected without --late and found with --late" || fail "late: $(cat late.txt)"
 cd ..
 
+# --serve: the lattice repeats the curve, and --out is a scene.
+knead creep dough --load 10gf --hold 10 --rest 0 --csv small.csv >/dev/null
+knead identify creep small.csv --height 1cm --area 1cm^2 --no-models --serve b --out served.yaml --json >served.json || fail "--serve: exit $?"
+json served.json 'o["structure"] == "b" and o["lattice"][0]["left"] < 0.01 and o["lattice"][0]["left_before"] > 0.05' &&
+    knead check served.yaml | grep -q "^pressure .*each closed" && grep -q "^# left on curve 1: " served.yaml &&
+    ok "with --serve the lattice repeats the curve within 1 %, and the scene is served" || fail "--serve: $(cat served.json served.yaml)"
+refuses 2 "knead identify creep: --serve 'd': expected a structure of the first paper: a, b or c" identify creep small.csv --serve d
 refuses 2 "knead identify creep: expected a file of readings, CSV; --help lists its columns" identify creep
 refuses 2 "knead identify creep: --load '0': expected a weight or force like 50gf or '0.5 N'" identify creep 50gf.csv --load 0
 refuses 2 "knead identify creep: --height '5 s': expected a length like '1 cm'" identify creep 50gf.csv --height '5 s'
