@@ -173,18 +173,31 @@ static void set_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
     p1->value = fmin(p1->value, 0.9 * p1->high);
 }
 
-static void finish(kn_served_lattice *served, const kn_fit *fit)
+// Run the fit. If some combination of the parameters does not change the block's curves, hold P1 at its value, and then P0.
+static bool run_fit(kn_fit *fit)
 {
-    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) {
-        if (fit->unknown[i].fixed) continue; // as the element has it
-        kn_fit_interval interval = kn_fit_interval_by(fit, i, 0.95, KN_FIT_CURVATURE);
-        double value = fit->unknown[i].value;
-        if (i == KN_ESTIMATE_P1) {
-            const double p0 = fit->unknown[KN_ESTIMATE_P0].value;
-            value += p0, interval.low += p0, interval.high += p0;
-        }
+    bool good = kn_fit_run(fit);
+    for (int i = KN_ESTIMATE_P1; good && fit->singular && i >= KN_ESTIMATE_P0; i--) {
+        fit->unknown[i].fixed = true;
+        good = kn_fit_run(fit);
+    }
+    return good;
+}
+
+// Store the parameters with their intervals. `constant`: the parameters of a force-dependent damper stay the element's.
+static void finish(kn_served_lattice *served, const kn_fit *fit, bool constant)
+{
+    for (int i = 0; i < (constant ? KN_ESTIMATE_BETA : KN_ESTIMATE_NUMBERS); i++) {
+        const kn_fit_unknown *u = &fit->unknown[i];
         kn_parameter_estimate *n = &served->number[i];
-        kn_parameter_estimate_set(n, n->name, n->unit, value, interval);
+        kn_fit_interval interval = {KN_FIT_CURVATURE, u->low, u->high, true, true};
+        if (!u->fixed) interval = kn_fit_interval_by(fit, i, 0.95, KN_FIT_CURVATURE);
+        const double more = i == KN_ESTIMATE_P1 ? fit->unknown[KN_ESTIMATE_P0].value : 0;
+        interval.low += more, interval.high += more;
+        kn_parameter_estimate_set(n, n->name, n->unit, u->value + more, interval);
+        if (n->known == KN_UNKNOWN)
+            snprintf(n->words, sizeof n->words, "these curves do not show it in a lattice, which uses %.5g %s",
+                     n->value, n->unit);
     }
 }
 
@@ -202,7 +215,7 @@ static bool alternate(kn_served_lattice *served, search *s, kn_fit *fit, kn_prog
     set_unknowns(fit, &material, s->highest_pa);
     for (int round = 0; round < ROUNDS; round++) {
         kn_progress_step(bar, 2 * round);
-        if (!kn_fit_run(fit)) return round > 0;
+        if (!run_fit(fit)) return round > 0;
         kn_fit_values(fit, value);
         material = material_of(value, s->constant);
         kn_progress_step(bar, 2 * round + 1);
@@ -211,7 +224,7 @@ static bool alternate(kn_served_lattice *served, search *s, kn_fit *fit, kn_prog
         served->material = material;
         memcpy(served->left, left, sizeof left);
         served->rounds = round + 1;
-        finish(served, fit);
+        finish(served, fit, s->constant);
     }
     return served->rounds > 0;
 }
