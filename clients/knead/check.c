@@ -2,6 +2,7 @@
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/result.h"
+#include "clients/identify/affine_block.h"
 #include "clients/sweep/replay_trace.h"
 #include "clients/sweep/tick_cost.h"
 #include "core/field.h"
@@ -118,12 +119,31 @@ static void print_block(const kn_scene *scene, const kn_model *model)
                def->inside_pressure_pa);
 }
 
+// Print the elastic constants of a block's lattice: the spring k1 in every edge, between plates without friction.
+static void print_springs(const kn_model *model)
+{
+    const kn_model_def *def = &model->def;
+    if (def->mesh || def->nodes[1] == 1 || def->structure != KN_STRUCTURE_DIAGONALS || !(def->material.k1_pa > 0))
+        return;
+    const kn_material spring = {.k1_pa = def->material.k1_pa, .damper = KN_DAMPER_NONE};
+    const kn_affine_structure structure = {model->grid.diagonal,
+                                           def->pressure == KN_PRESSURE_NONE ? 0 : def->inside_pressure_pa};
+    const double stress_pa = 1e-3 * spring.k1_pa;
+    kn_affine_block block;
+    kn_affine_block_init(&block, &spring, &structure);
+    if (!kn_affine_block_load(&block, 1, stress_pa)) return;
+    const double strain = 1 - block.height;
+    printf("springs   E %.3f times k1, nu %.3f, along the axes of the block\n", stress_pa / strain / spring.k1_pa,
+           (block.width - 1) / strain);
+}
+
 static void print_object(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &scene->model;
     static const char *const support[] = {"bonded", "frictionless", "none", "a table with friction"};
     if (def->mesh) print_net(model);
     else print_block(scene, model);
+    print_springs(model);
     printf("frame     scene: right-handed, z up, metres, origin at the centre of the object's base\n");
     printf("support   %s", support[def->support]);
     if (def->support == KN_SUPPORT_FRICTION) printf(" %g", def->support_friction);
@@ -168,7 +188,7 @@ static void print_material(const kn_model *model)
     printf("law       %s", law[model->law.kind]);
     if (model->law.kind == KN_LAW_TABLE)
         printf(" of the damper in %d segments, error at most %.1e", KN_LAW_SEGMENTS, model->law.table_error);
-    printf("\nlattice   E = k1; inner edges along an axis have the stiffness kappa E, kappa = %.4g m, "
+    printf("\nlattice   inner edges along an axis have the stiffness kappa k1, kappa = %.4g m, "
            "and the stress area gamma kappa L0, gamma = %.2g\n",
            model->kappa_m, model->gamma);
 }
@@ -433,6 +453,7 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     snprintf(hash, sizeof hash, "%016llx", (unsigned long long)scene->text_hash);
     kn_model_def_extent(&scene->model, extent_m);
     kn_result_text(to, "scene", scene->name);
+    if (*scene->label) kn_result_text(to, "label", scene->label);
     kn_result_text(to, "hash", hash);
     for (int k = 0; k < 3; k++) kn_result_number(to, (const char *[]){"x_m", "y_m", "z_m"}[k], extent_m[k]);
     // Nodes whose motion is interpolated from other nodes are not counted.
@@ -455,12 +476,28 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
         kn_result_text(kn_result_add("probes"), "name", scene->model.probe[p].name);
 }
 
+// Print the label in lines of at most 120 columns, broken between words.
+static void print_label(const char *label)
+{
+    const size_t most = 110;
+    label += strspn(label, " ");
+    for (const char *name = "label"; *label; name = "") {
+        size_t n = strlen(label);
+        if (n > most)
+            for (n = most; n > 0 && label[n] != ' '; n--) continue;
+        if (n == 0) n = strcspn(label, " "); // a word longer than a line
+        printf("%-9s %.*s\n", name, (int)n, label);
+        label += n + strspn(label + n, " ");
+    }
+}
+
 static void print_scene(const kn_scene *scene, const kn_model *model)
 {
     const kn_model_def *def = &scene->model;
     tell_result(scene, model);
     printf("scene     %s, version %d, hash %016llx\n", scene->name, scene->version,
            (unsigned long long)scene->text_hash);
+    print_label(scene->label);
     print_object(scene, model);
     print_material(model);
     print_sag(def);

@@ -465,6 +465,7 @@ static json_t *about(const kn_web *w)
                             "playing", w->tool.lent, "replaying", w->recordings.child_pid ? w->recordings.child_of : 0);
     if (all && s) json_object_set_new(all, "material", material(&s->model.material));
     if (all && s) json_object_set_new(all, "points", points(s));
+    if (all && s && *s->label) json_object_set_new(all, "label", told(s->label));
     return all;
 }
 

@@ -320,6 +320,8 @@ function showAbout(told) {
         return showAble('knead web is not connected', false);
     }
     write($('names'), [told.scene, told.tool].filter(Boolean).join(' · '));
+    write($('label'), told.label ?? '');
+    $('label').hidden = !told.label;
     showOperator(told.control);
     if (told.material) showMaterial(told.material, told.scene);
     fill('material', ['…', ...told.materials], '…');

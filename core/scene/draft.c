@@ -487,6 +487,7 @@ bool kn_draft_finish(kn_draft *draft)
     for (int slot = 1; slot <= def->probe_count; slot++) couple(draft, slot);
     if (!kn_draft_given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     mark_solver(draft);
+    kn_draft_drop_label(draft);
     // compute the size from the nodes, so that equal lattices have equal canonical texts even if two files round the
     // size differently
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;
@@ -511,11 +512,11 @@ static void put(page *out, const char *format, ...)
     out->used += (size_t)n;
 }
 
-// Print a file's path between single quotes. Double every quote within the path, as YAML asks.
-static void put_path(page *out, const char *path)
+// Print a text between single quotes. Double every quote within the text, as YAML asks.
+static void put_quoted(page *out, const char *text)
 {
     put(out, "'");
-    for (; *path; path++) put(out, *path == '\'' ? "''" : "%c", *path);
+    for (; *text; text++) put(out, *text == '\'' ? "''" : "%c", *text);
     put(out, "'\n");
 }
 
@@ -551,7 +552,7 @@ static void put_key(page *out, kn_draft *draft, int slot, kn_key_id id)
     else if (slot <= KN_PROBES_MAX) put(out, id == KN_KEY_PROBE_NAME ? "  - " : "    ");
     else put(out, id == KN_KEY_PART_SHAPE ? "      - " : "        ");
     put(out, "%s: ", dot ? dot + 1 : key->path);
-    if (key->type == KN_TYPE_PATH) put_path(out, kn_draft_field(draft, slot, id));
+    if (kn_key_long(key)) put_quoted(out, kn_draft_field(draft, slot, id));
     else put(out, "%s\n", kn_key_print(key, kn_draft_field(draft, slot, id), value));
 }
 

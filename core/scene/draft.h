@@ -119,11 +119,15 @@ bool kn_draft_fine(kn_draft *draft);
 // material.variant chooses the variant. The file of a material may set the default variant. In a scene, the name of a
 // material may have the variant as a suffix: dough-plastic.
 //
-// Copy material and density from `from`, the draft of a material's file (draft_library.c). Mark every value with the
-// place where the scene names the material. A density in the scene itself takes precedence over that of the file.
+// Copy material, density and label from `from`, the draft of a material's file (draft_library.c). Mark every value with
+// the place where the scene names the material. A density or label in the scene itself takes precedence.
 // `variant`: variant that the suffix of the name chooses, -1 for no suffix. Return false with an error if the file
 // holds any other key.
 bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark);
+
+// Drop the label if it does not speak of the scene's material: if a --set changes the material of a file with a label, or if
+// the scene changes a key of a material that brought its label.
+void kn_draft_drop_label(kn_draft *draft);
 
 // Change the numbers of the material to those of the variant draft->variant. Before the call, the numbers must be
 // complete and in SI. Return false after an error.

@@ -17,7 +17,8 @@ static bool of_material(kn_key_id id) { return strncmp(kn_keys[id].path, "materi
 static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mark mark)
 {
     const kn_key *key = &kn_keys[id];
-    size_t size = (size_t)key->count * (key->type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
+    size_t size = kn_key_long(key) ? KN_PATH_MAX
+                                   : (size_t)key->count * (key->type == KN_TYPE_CHOICE ? sizeof(int) : sizeof(double));
     memcpy((char *)draft + key->offset, (const char *)from + key->offset, size);
     mark.per_height = from->at[0][id].per_height;
     mark.library = true;
@@ -28,23 +29,41 @@ static void take_key(kn_draft *draft, const kn_draft *from, kn_key_id id, kn_mar
 
 bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark)
 {
-    // refuse any key that belongs neither to the material nor to the density
+    // refuse any key that belongs neither to the material nor to its density and label
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
-        if (kn_draft_given(from, 0, id) && !of_material(id) && id != KN_KEY_DENSITY)
-            return kn_draft_complain(draft, mark, "%s is in %s, expected only a material and its density there",
+        if (kn_draft_given(from, 0, id) && !of_material(id) && id != KN_KEY_DENSITY && id != KN_KEY_LABEL)
+            return kn_draft_complain(draft, mark, "%s is in %s, expected only a material, its density and label there",
                                      kn_keys[id].path, from->file);
     if (from->scene.model.probe_count > 0)
-        return kn_draft_complain(draft, mark, "probes are in %s, expected only a material and its density there",
+        return kn_draft_complain(draft, mark, "probes are in %s, expected only a material, its density and label there",
                                  from->file);
     for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++)
         if (of_material(id)) take_key(draft, from, id, mark);
-    // a density that the scene itself gives takes precedence over the density in the file
-    bool own = kn_draft_given(draft, 0, KN_KEY_DENSITY) && !draft->at[0][KN_KEY_DENSITY].library;
-    if (!own && kn_draft_given(from, 0, KN_KEY_DENSITY)) take_key(draft, from, KN_KEY_DENSITY, mark);
+    // a density or a label that the scene itself gives takes precedence over that in the file
+    static const kn_key_id beside[] = {KN_KEY_DENSITY, KN_KEY_LABEL};
+    for (int i = 0; i < 2; i++) {
+        bool own = kn_draft_given(draft, 0, beside[i]) && !draft->at[0][beside[i]].library;
+        if (!own && kn_draft_given(from, 0, beside[i])) take_key(draft, from, beside[i], mark);
+    }
     if (variant < 0) return true;
     draft->variant = variant;
     draft->at[0][KN_KEY_VARIANT] = mark;
     return true;
+}
+
+void kn_draft_drop_label(kn_draft *draft)
+{
+    kn_mark *label = &draft->at[0][KN_KEY_LABEL];
+    if (label->source == KN_SOURCE_DEFAULT) return;
+    for (kn_key_id id = 0; id < KN_KEY_PROBE_NAME; id++) {
+        const kn_mark *key = &draft->at[0][id];
+        if (!of_material(id) || key->source == KN_SOURCE_DEFAULT) continue;
+        const bool set_later = key->source >= 0 && label->source < 0, own = label->library && !key->library;
+        if (!set_later && !own) continue;
+        label->source = KN_SOURCE_DEFAULT;
+        *draft->scene.label = '\0';
+        return;
+    }
 }
 
 // Remove the spring, so that the dampers c1 and c2 in series act like the given damper c2 alone. If c2 is constant, c1

@@ -98,14 +98,15 @@ bool kn_key_quotable(const char *text)
     return true;
 }
 
-// Read a file name that ends in one of the key's file endings, which have 4 characters each.
-static bool read_path(const kn_key *key, char *field, const char *text, char problem[KN_LINE_MAX])
+// Read a text, or a file name that ends in one of the key's file endings, which have 4 characters each.
+static bool read_long(const kn_key *key, char *field, const char *text, char problem[KN_LINE_MAX])
 {
     size_t size = strlen(text);
-    bool fits =
-        size > 4 && size < KN_PATH_MAX && kn_choice_of(key->unit, text + size - 4) >= 0 && kn_key_quotable(text);
+    bool file = key->type == KN_TYPE_PATH;
+    bool fits = size < KN_PATH_MAX && kn_key_quotable(text) &&
+                (!file || (size > 4 && kn_choice_of(key->unit, text + size - 4) >= 0));
     if (fits) memcpy(field, text, size + 1);
-    else snprintf(problem, KN_LINE_MAX, "not the name of a mesh");
+    else snprintf(problem, KN_LINE_MAX, file ? "not the name of a mesh" : "not a line of text");
     return fits;
 }
 
@@ -142,7 +143,7 @@ bool kn_key_read(const kn_key *key, void *field, const char *const *text, int co
         }
         if (key->type == KN_TYPE_CHOICE) return read_choice(key, field, text[i], problem);
         if (key->type == KN_TYPE_NAME) return read_name(field, text[i], problem);
-        if (key->type == KN_TYPE_PATH) return read_path(key, field, text[i], problem);
+        if (kn_key_long(key)) return read_long(key, field, text[i], problem);
         if (key->type == KN_TYPE_HASH) return read_hash(field, text[i], problem);
         if (!read_number(key, &value, text[i], per_height, problem)) return false;
         if (key->type == KN_TYPE_INTEGER) *(int *)field = (int)value;
@@ -160,6 +161,7 @@ const char *kn_key_expects(const kn_key *key, char text[KN_LINE_MAX])
     case KN_TYPE_CHOICE: snprintf(text, KN_LINE_MAX, "%s", key->unit); break;
     case KN_TYPE_NAME: snprintf(text, KN_LINE_MAX, "1 to %d of a-z 0-9 _", KN_NAME_MAX - 1); break;
     case KN_TYPE_PATH: snprintf(text, KN_LINE_MAX, "a file name that ends in %s", key->unit); break;
+    case KN_TYPE_TEXT: snprintf(text, KN_LINE_MAX, "one line of at most %d bytes", KN_PATH_MAX - 1); break;
     case KN_TYPE_HASH: snprintf(text, KN_LINE_MAX, "16 hexadecimal digits"); break;
     case KN_TYPE_INTEGER:
         if (key->least == key->most) snprintf(text, KN_LINE_MAX, "%g", key->least);
@@ -336,6 +338,7 @@ static void describe(const kn_key *key, char *line, size_t size)
     if (key->type == KN_TYPE_CHOICE) snprintf(value, sizeof value, "%s", key->unit);
     else if (key->type == KN_TYPE_NAME) snprintf(value, sizeof value, "a-z 0-9 _");
     else if (key->type == KN_TYPE_PATH) snprintf(value, sizeof value, "FILE%s", key->unit);
+    else if (key->type == KN_TYPE_TEXT) snprintf(value, sizeof value, "text");
     else if (key->type == KN_TYPE_HASH) snprintf(value, sizeof value, "16 hexadecimal digits");
     else if (key->type == KN_TYPE_EXTENT)
         snprintf(value, sizeof value, "%d or %d x %s", key->count - 1, key->count, unit);

@@ -40,6 +40,8 @@
 #define KN_SCENE_KEYS(X)                                                                                              \
   X(VERSION, ALWAYS, "version", INTEGER, 1, "", 1, 1, NULL,                                                           \
     scene.version, "version of this file format")                                                                     \
+  X(LABEL, ALWAYS, "label", TEXT, 1, "", 0, 0, "",                                                                    \
+    scene.label, "what the object stands for and how well, in words; knead check and the web page show it")           \
   X(SIZE, BLOCK, "object.size", EXTENT, 3, "m", 1e-5, 10, NULL,                                                       \
     size_m, "size of a block along x, y, z, or of a flat object along x, z: each a whole number of spacings")         \
   X(SPACING, BLOCK, "object.spacing", REAL, 1, "m", 1e-5, 1, NULL,                                                    \
@@ -303,6 +305,7 @@ typedef enum kn_key_type {
     KN_TYPE_CHOICE,  // enum or int: index of a word in the list of words in the column `unit`
     KN_TYPE_NAME,    // char[KN_NAME_MAX]: text of the characters a-z 0-9 _
     KN_TYPE_PATH,    // char[KN_PATH_MAX]: printable UTF-8; the column `unit` lists the file endings: ".stl|.obj"
+    KN_TYPE_TEXT,    // char[KN_PATH_MAX]: printable UTF-8
     KN_TYPE_HASH     // uint64_t, 16 hexadecimal digits
 } kn_key_type;
 
@@ -322,6 +325,9 @@ extern const kn_key kn_keys[KN_KEY_COUNT];
 
 #define KN_PATH_MAX 1024
 #define KN_LINE_MAX 256 // size of a buffer for a key's path, help line or part of a message, NUL included [bytes]
+
+// Return true if the value is a text of up to KN_PATH_MAX - 1 bytes, which the canonical text quotes.
+static inline bool kn_key_long(const kn_key *key) { return key->type == KN_TYPE_PATH || key->type == KN_TYPE_TEXT; }
 
 // Read `count` texts as the value of a key and store the value at `field`. On failure return false and write into
 // `problem` what is wrong, e.g. "'7' has no unit". If the key is a MODULUS, *per_height becomes true if the value is

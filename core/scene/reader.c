@@ -149,19 +149,21 @@ static bool take_value(reader *r, const kn_key *key, char text[VALUE_MAX_BYTES])
     return true;
 }
 
-// Read the value of a key that is a file's path. A path may be longer than other values and may have characters beyond
-// ASCII.
-static bool read_path(reader *r, const kn_key *key)
+// Read the value of a key that is a text or a file's path. It may be longer than other values and may have characters
+// beyond ASCII.
+static bool read_long(reader *r, const kn_key *key)
 {
-    char path[KN_PATH_MAX], problem[KN_LINE_MAX];
-    const char *text = path;
+    char whole[KN_PATH_MAX], problem[KN_LINE_MAX];
+    const char *text = whole;
     kn_mark mark = here(r);
     if (r->event.type != YAML_SCALAR_EVENT) return complain_key(r, mark, key, kind_of(r));
     size_t size = r->event.data.scalar.length;
-    if (size >= sizeof path) return complain_key(r, mark, key, "too long");
-    memcpy(path, r->event.data.scalar.value, size + 1);
+    if (size >= sizeof whole) return complain_key(r, mark, key, "too long");
+    memcpy(whole, r->event.data.scalar.value, size + 1);
+    // a folded or literal text of YAML ends with a newline
+    if (key->type == KN_TYPE_TEXT && size > 0 && whole[size - 1] == '\n') whole[--size] = '\0';
     kn_key_id id = (kn_key_id)(key - kn_keys);
-    if (strlen(path) != size) return complain_key(r, mark, key, "not text"); // the path contains a NUL
+    if (strlen(whole) != size) return complain_key(r, mark, key, "not text"); // it contains a NUL
     if (!kn_key_read(key, kn_draft_field(r->draft, r->slot, id), &text, 1, NULL, problem))
         return complain_key(r, mark, key, problem);
     r->draft->at[r->slot][id] = mark;
@@ -171,7 +173,7 @@ static bool read_path(reader *r, const kn_key *key)
 // Read the value of a key: one scalar, or a list of scalars.
 static bool read_leaf(reader *r, const kn_key *key)
 {
-    if (key->type == KN_TYPE_PATH) return read_path(r, key);
+    if (kn_key_long(key)) return read_long(r, key);
     enum { LIST_MAX = 4 };
     char text[LIST_MAX][VALUE_MAX_BYTES], problem[KN_LINE_MAX];
     const char *texts[LIST_MAX] = {text[0], text[1], text[2], text[3]};

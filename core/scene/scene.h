@@ -26,8 +26,9 @@ typedef struct kn_point {
 #define KN_MESH_RESIDUAL 2
 
 typedef struct kn_scene {
-    char name[64]; // name of the scene's file without folder
-    int version;   // version of the scene format, 1
+    char name[64];    // name of the scene's file without folder
+    char label[1024]; // what the object stands for and how well; "": the scene does not say
+    int version;      // version of the scene format, 1
     kn_model_def model;
     kn_simplices *mesh;                   // mesh to which model.mesh points; owned by the scene; NULL: a block
     struct kn_shape *tool[KN_PROBES_MAX]; // shapes to which model.probe[].parts point; owned by the scene; NULL: none

@@ -8,7 +8,7 @@ program="knead check"
 reports() { knead check "${@:2}" >out 2>err && grep -q -- "$1" out || fail "knead check ${*:2} does not report '$1': $(cat out err)"; }
 
 mkdir folder
-dough=$KN_SOURCE/core/scenes/dough.yaml
+dough=$KN_SOURCE/core/scenes/dough-diagonals.yaml
 reports "^quality *fast: .*; in force" "$dough" --quality fast
 refuses 2 "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
 refuses 2 "knead check: '': expected the name of a scene file" ''
@@ -19,7 +19,7 @@ reports "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" "$dough" --se
 
 slow= # a property of this build, not of a scene
 [ "${KN_BUILD##*/}" = release ] || slow="longer than 1 ms here"
-for scene in dough dough-fine dough-pressure dough-small bun jelly clay pinch rolling-pin; do
+for scene in dough dough-diagonals dough-fine dough-small bun jelly clay pinch rolling-pin; do
     knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
     grep -q "^scene *$scene.yaml, version 1" out && grep -q "^kernels" out || fail "$scene: $(cat out)"
     grep "^warning" out | grep -v -e "multiply-add" -e "real time" ${slow:+-e "$slow"} && fail "$scene gives a warning"
@@ -76,7 +76,16 @@ sed 's/k1: 5 kPa, //' folder/mine.yaml >folder/bad.yaml
 refuses 2 "knead check: --set material: material.k1 is missing, expected a number from 0 to 1e+09 Pa (or Pa/m with a specimen_height)" \
     "$dough" --set material=folder/bad.yaml
 echo 'support: none' >>folder/mine.yaml
-refuses 2 "folder/own.yaml:9:11: support is in folder/mine.yaml, expected only a material and its density there" folder/own.yaml
+refuses 2 "folder/own.yaml:12:11: support is in folder/mine.yaml, expected only a material, its density and label there" folder/own.yaml
+
+# The label is shown in lines of 120 columns; a material brings its own.
+reports "^label *for comparisons of speed, not faithful: every edge" "$dough"
+reports "^label *stands for the dough of the first paper" "$KN_SOURCE/core/scenes/dough.yaml"
+awk 'length > 120 && /^(label|  )/ { exit 1 }' out || fail "a line of the label is too long"
+reports "^label *mine" "$KN_SOURCE/core/scenes/dough.yaml" --set label=mine
+knead check "$KN_SOURCE/core/scenes/dough.yaml" --set material=clay | grep -q "^label" && fail "clay has the label of dough"
+knead check "$dough" --set material.k1='1 kPa' | grep -q "^label" && fail "another k1 leaves the label"
+refuses 2 "knead check: --set label: a list, expected one line of at most 1023 bytes" "$dough" --set label='[a, b]'
 
 # A plastic material: one damper in effect, or a warning. For a stroke the program tells the range of lengths.
 reports "^plastic .* c2 within 3.8 % at every stress" "$dough" --set material=dough-plastic
@@ -85,7 +94,7 @@ reports "^warning *c1 and c2 in series differ from c2 by up to 94 %, above 5 %" 
 reports "^stroke *Voigt part a = 0.02 to 0.98 of an edge's length, 0.2 when new: without load an edge has 0.2041 to 10 times its" "$dough" --set material.stroke='[0.02, 0.98]'
 
 # Structure, gas, and combinations that are impossible.
-pressure=$KN_SOURCE/core/scenes/dough-pressure.yaml
+pressure=$KN_SOURCE/core/scenes/dough.yaml
 reports "^pressure *600 cells, each closed, at rest 101325 Pa" "$pressure"
 reports "(diagonals, 0.02 times as stiff as the sides)" "$pressure" --set object.diagonal_stiffness=0.02
 grep -q "^warning" out && fail "diagonals of 2 % give a warning"
@@ -96,8 +105,8 @@ reports "^warning *one pressure for the object" "$pressure" --set object.pressur
 reports "^object *flat, 50 x 30 mm, 10 mm thick, spacing 5 mm: 11 x 7 = 77 nodes, 256 edges" "$dough" --set object.size='[5 cm, 3 cm]' --set object.thickness='1 cm'
 
 # The text written out parses to the same scene.
-knead check "$dough" --text >dough.yaml && knead check dough.yaml --text | cmp -s - dough.yaml || fail "--text of a scene written by --text is different"
-[ "$(knead check "$dough" | grep -v ^deadline)" = "$(knead check dough.yaml | grep -v ^deadline)" ] || fail "the scene written by --text gives another report"
+knead check "$dough" --text >dough-diagonals.yaml && knead check dough-diagonals.yaml --text | cmp -s - dough-diagonals.yaml || fail "--text of a scene written by --text is different"
+[ "$(knead check "$dough" | grep -v ^deadline)" = "$(knead check dough-diagonals.yaml | grep -v ^deadline)" ] || fail "the scene written by --text gives another report"
 reports "^deadline  [1-9][0-9]* units of work, .* the worst tick of a stroke at 5 cm/s takes" "$dough"
 
 reports "^material.k1 *Pa *0 .. 1e+09 *required" --keys

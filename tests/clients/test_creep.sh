@@ -15,7 +15,7 @@ png creep.png || fail "no PNG"
 
 # The default is the paper's test. The scene's file, and the same parts as an expression, give the same result.
 knead creep dough | grep -v '^specimen' >named
-knead creep "$KN_SOURCE/core/scenes/dough.yaml" --load 50gf --hold 60 --rest 70 | grep -v '^specimen' | cmp -s - named || fail "the scene file creeps differently from the material name"
+knead creep "$KN_SOURCE/core/scenes/dough-diagonals.yaml" --load 50gf --hold 60 --rest 70 | grep -v '^specimen' | cmp -s - named || fail "the scene file creeps differently from the material name"
 knead creep '(s|d)-d' --param s1='470 gf/cm^3' --param d1='2500 gf s/cm^3' \
     --param d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)' | grep -v '^specimen' | cmp -s - named || fail "the expression creeps differently from the material name"
 knead creep dough --set material.k1='940 gf/cm^3' >out && [ "$(value 50 7)" = 0.0285 ] || fail "--set: a spring twice as stiff recovers $(value 50 7)"
@@ -34,7 +34,7 @@ knead creep dough --lattice 1x1x1 --load 50gf --rest 0 --table stick --set objec
 knead creep dough --lattice 3x2x1 --load 6gf --hold 1 --rest 0 >out || fail "a wide block: exit $?"
 grep -q "3 x 2 x 1 cm" out && [ "$(value 6 4)" = 1.00 ] || fail "a wide block: $(cat out)"
 
-refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a material: clay, dough, fibrotic-liver, jelly, liver, putty; or the file of a scene" creep dogh
+refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a material: clay, dough, dough-lattice, fibrotic-liver, jelly, liver, putty; or the file of a scene" creep dogh
 refuses 2 "knead creep: s1: s1 has no value, expected --param s1='46 kPa'" creep s
 refuses 2 "knead creep: --param s1=5: '5' has no unit, expected something like s1='46 kPa'" creep s --param s1=5
 refuses 2 "knead creep: --param d1=3Pa: '3Pa' has another dimension, expected something like d1='245 kPa*s'" creep d --param d1=3Pa
