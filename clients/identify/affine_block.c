@@ -25,34 +25,48 @@ static double length_of(int k, double width, double height)
 }
 
 // Compute the forces per area at rest with which the block resists at the end of a step to this width and height:
-// force[0] on its free sides and force[1] on the plates, > 0: tension. Store the new strains of the edges in `strain`.
-static void forces(const kn_affine_block *b, double width, double height, double force[2],
+// force[0] on its free sides and force[1] on the plates, > 0: tension. slope[i][j]: derivative of force[i] by width (j = 0)
+// or height. Store the new strains of the edges in `strain`.
+static void forces(const kn_affine_block *b, double width, double height, double force[2], double slope[2][2],
                    double strain[KN_AFFINE_EDGES])
 {
     const double k1 = b->material.k1_pa, a = b->law.a_pa_s, dt_s = b->law.dt_s;
-    force[0] = force[1] = 0;
+    force[0] = force[1] = slope[0][0] = slope[0][1] = slope[1][1] = 0;
     for (int k = 0; k < KN_AFFINE_EDGES; k++) {
         const double rest = sqrt(across[k] + along[k]), length = length_of(k, width, height);
         const double rate = (length - length_of(k, b->width, b->height)) / (dt_s * b->gamma * rest);
         const double stress = kn_law_stress(&b->law, a * rate + k1 * b->strain[k]);
-        const double stiffness = number[k] * (across[k] + along[k] > 1 ? b->structure.diagonal : 1);
-        const double tension = stress * b->gamma * b->kappa * rest * stiffness / length;
+        const double stiffness = number[k] * (across[k] + along[k] > 1 ? b->structure.diagonal : 1) * b->kappa;
+        const double tension = stress * b->gamma * rest * stiffness;
+        const double tangent = kn_law_slope(&b->law, stress, KN_LINEARIZATION_TANGENT) * a / dt_s * stiffness;
+        // x, z: derivatives of the length by width and height
+        const double x = across[k] * width / length, z = along[k] * height / length, turn = tension / length;
         strain[k] = b->strain[k] + dt_s * (stress - k1 * b->strain[k]) / a;
-        force[0] += tension * across[k] * width;
-        force[1] += tension * along[k] * height;
+        force[0] += tension * x;
+        force[1] += tension * z;
+        slope[0][0] += (tangent - turn) * x * x + turn * across[k];
+        slope[0][1] += (tangent - turn) * x * z;
+        slope[1][1] += (tangent - turn) * z * z + turn * along[k];
     }
-    if (!(b->structure.gas_pa > 0)) return;
-    double slope;
-    const double over_pa = b->structure.gas_pa * kn_cell_pressure(width * width * height, &slope);
-    force[0] -= over_pa * 2 * width * height;
-    force[1] -= over_pa * width * width;
+    if (b->structure.gas_pa > 0) {
+        double softer;
+        const double over_pa = b->structure.gas_pa * kn_cell_pressure(width * width * height, &softer);
+        const double x = 2 * width * height, z = width * width;
+        softer *= b->structure.gas_pa;
+        force[0] -= over_pa * x;
+        force[1] -= over_pa * z;
+        slope[0][0] += softer * x * x - over_pa * 2 * height;
+        slope[0][1] += softer * x * z - over_pa * 2 * width;
+        slope[1][1] += softer * z * z;
+    }
+    slope[1][0] = slope[0][1];
 }
 
 // Residual of the step: force[0] = 0, and force[1] = -stress_pa unless the height is prescribed.
-static double residual(const kn_affine_block *b, double width, double height, double stress_pa, double force[2])
+static double residual(const kn_affine_block *b, double width, double height, double stress_pa, double force[2],
+                       double slope[2][2], double strain[KN_AFFINE_EDGES])
 {
-    double strain[KN_AFFINE_EDGES];
-    forces(b, width, height, force, strain);
+    forces(b, width, height, force, slope, strain);
     if (isnan(stress_pa)) return fabs(force[0]);
     force[1] += stress_pa;
     return hypot(force[0], force[1]);
@@ -63,35 +77,27 @@ static double residual(const kn_affine_block *b, double width, double height, do
 static bool solve(kn_affine_block *b, double dt_s, double stress_pa, double height)
 {
     enum { ITERATIONS = 60, HALVINGS = 20 };
-    const double small = 1e-7, most = 0.2; // difference for the slopes; largest change of a logarithm in an iteration
+    const double most = 0.2; // largest change of a logarithm in an iteration
     const bool free = !isnan(stress_pa);
-    double width = b->width, f[2], fx[2], fz[2], change = 1;
+    double width = b->width, f[2], slope[2][2], strain[KN_AFFINE_EDGES], change = 1;
     if (b->law.dt_s != dt_s) kn_law_init(&b->law, &b->material, dt_s);
-    double norm = residual(b, width, height, stress_pa, f);
-    for (int i = 0; i < ITERATIONS && change > 1e-10; i++) {
-        residual(b, width * (1 + small), height, stress_pa, fx);
-        double dx = -f[0] * small / (fx[0] - f[0]), dz = 0;
-        if (free) {
-            residual(b, width, height * (1 + small), stress_pa, fz);
-            const double xx = fx[0] - f[0], zx = fx[1] - f[1], xz = fz[0] - f[0], zz = fz[1] - f[1];
-            const double determinant = xx * zz - xz * zx;
-            dx = -small * (zz * f[0] - xz * f[1]) / determinant;
-            dz = -small * (xx * f[1] - zx * f[0]) / determinant;
-        }
-        const double limit = fmin(1, most / fmax(fabs(dx), fabs(dz)));
-        double step = limit, next = norm;
-        for (int h = 0; h < HALVINGS; h++, step *= 0.5) {
-            next = residual(b, width * exp(step * dx), height * exp(step * dz), stress_pa, f);
+    double norm = residual(b, width, height, stress_pa, f, slope, strain);
+    for (int i = 0; i < ITERATIONS && change > 1e-9; i++) {
+        const double xx = slope[0][0] * width, xz = slope[0][1] * height;
+        const double zx = slope[1][0] * width, zz = slope[1][1] * height, determinant = xx * zz - xz * zx;
+        const double dx = free ? (xz * f[1] - zz * f[0]) / determinant : -f[0] / xx;
+        const double dz = free ? (zx * f[0] - xx * f[1]) / determinant : 0;
+        double step = fmin(1, most / fmax(fabs(dx), fabs(dz))), next = norm, w = width, h = height;
+        for (int half = 0; half < HALVINGS; half++, step *= 0.5) {
+            w = width * exp(step * dx), h = height * exp(step * dz);
+            next = residual(b, w, h, stress_pa, f, slope, strain);
             if (next < norm || next == 0) break;
         }
         if (!isfinite(next)) return false;
-        width *= exp(step * dx);
-        height *= exp(step * dz);
+        width = w, height = h;
         norm = next;
         change = fabs(step * dx) + fabs(step * dz);
     }
-    double strain[KN_AFFINE_EDGES];
-    forces(b, width, height, f, strain);
     for (int k = 0; k < KN_AFFINE_EDGES; k++) b->strain[k] = strain[k];
     b->width = width;
     b->height = height;
@@ -108,7 +114,7 @@ bool kn_affine_block_press(kn_affine_block *b, double dt_s, double height) { ret
 
 // A step is this share of the time since the load changed. Measured for dough: the strain is then within 0.001 of that
 // with steps a quarter as long.
-static const double step_share = 0.02;
+static const double step_share = 0.04;
 
 // Advance a block under a constant weight from *now_s to until_s. The load was applied at since_s.
 static bool creep(kn_affine_block *b, double *now_s, double until_s, double since_s, double least_s, double stress_pa)

@@ -87,6 +87,8 @@ static const kn_option rows[] = {
     KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cr"),
     KN_OPTION("late", FLAG, AT(late), .belongs = "c"),
     KN_OPTION("serve", SPECIAL, AT(serve), .take = take_structure, .belongs = "c"),
+    KN_OPTION("spacing", QUANTITY, AT(spacing_m), SI("m"), .expected = "a length like '5 mm'", .belongs = "c"),
+    KN_OPTION("anyway", FLAG, AT(anyway), .belongs = "c"),
     KN_OPTION("noise", EITHER, AT(constant_noise), .unit = "relative|constant", .expected = "constant or relative",
               .belongs = "r"),
     KN_OPTION("cut", QUANTITY, AT(cut_s), SI("s"), .expected = "a time like 100 or '100 s'", .belongs = "cr"),

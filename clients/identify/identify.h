@@ -22,7 +22,9 @@ typedef struct kn_identify_options {
     const char **file;      // [files] paths of the input files
     int files;
     double density_kg_m3; // density of the material; 0: not given
-    char serve; // creep: structure 'a', 'b' or 'c' of the lattice to which the material is fitted, too; 0: none
+    char serve;       // creep: structure 'a', 'b' or 'c' of the lattice to which the material is fitted, too; 0: none
+    double spacing_m; // creep: spacing of that lattice; 0: not given
+    bool anyway;      // creep: write the scene of a lattice that does not follow the curves
     const char *out, *png, *csv, *report;
     bool no_models;      // option --no-models: do not compare the result with other material models
     bool late;           // creep: also fit the times at which the loads were applied and removed

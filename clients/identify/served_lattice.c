@@ -7,29 +7,39 @@
 
 // ---- creep of the lattice
 
-// Specimen of the lattice: a cube of 1 cm, as only stresses and strains matter. STEP_S: time step; gas needs steps of at
-// most 30 ms.
-#define SIDE_M 0.01
-#define STEP_S 0.03
+#define SIDE_M 0.01 // side of a cube that stands for a specimen of unknown size
+#define STEP_S 0.03 // time step; gas needs steps of at most 30 ms
 
-static kn_model *make_lattice(const kn_affine_structure *structure, const kn_material *material)
+bool kn_served_lattice_cut(kn_served_lattice *served, const kn_curve *curve, double spacing_m)
 {
+    const double height_m = curve->height_m > 0 ? curve->height_m : SIDE_M;
+    const double high = round(height_m / spacing_m), h = height_m / fmax(high, 1);
+    const double wide = curve->area_m2 > 0 ? round(sqrt(curve->area_m2) / h) : high;
+    if (fmin(wide, high) < 2 || fmax(wide, high) > KN_SERVED_CELLS_MAX) return false;
+    served->cells[0] = (int)wide, served->cells[1] = (int)high;
+    served->spacing_m = h;
+    return true;
+}
+
+static kn_model *make_lattice(const kn_served_lattice *served, const kn_material *material)
+{
+    const kn_affine_structure *structure = &served->structure;
     char error[256];
     kn_model_def def = kn_model_def_default();
     def.material = *material;
-    def.spacing_m = SIDE_M / KN_SERVED_CELLS;
-    for (int k = 0; k < 3; k++) def.nodes[k] = KN_SERVED_CELLS + 1;
+    def.spacing_m = served->spacing_m;
+    for (int k = 0; k < 3; k++) def.nodes[k] = served->cells[k == 2] + 1;
     def.diagonal_stiffness = structure->diagonal;
     def.pressure = structure->gas_pa > 0 ? KN_PRESSURE_CELLS : KN_PRESSURE_NONE;
     if (structure->gas_pa > 0) def.inside_pressure_pa = structure->gas_pa;
     def.support = KN_SUPPORT_FRICTIONLESS;
     def.probe_count = 1;
-    def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {10 * SIDE_M, 10 * SIDE_M}};
-    def.solver.precision = KN_PRECISION_F64;
+    def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {1, 1}};
+    def.solver.precision = KN_PRECISION_F32;
     def.solver.dt_s = STEP_S;
-    def.solver.passes = 8;
+    def.solver.passes = 3;
     def.solver.iterations_max = 300;
-    def.solver.tolerance = 1e-4;
+    def.solver.tolerance = 1e-3;
     return kn_model_build(&def, error, sizeof error);
 }
 
@@ -41,7 +51,7 @@ static double height_of(const kn_model *m, const kn_state *state)
         kn_state_position(m, state, m->top[t], x);
         sum += m->top_share[t] * x[2];
     }
-    return sum / SIDE_M;
+    return sum / (m->def.spacing_m * (m->def.nodes[2] - 1));
 }
 
 // Compute the strain of the lattice at the readings of a curve. Once the plate has squeezed the lattice flat, the strain
@@ -52,13 +62,14 @@ static bool creep(const kn_model *m, const kn_curve *c, double *strain)
     kn_level_plate plate = {0};
     const kn_input idle = {0};
     kn_output out;
+    const double area_m2 = pow(m->def.spacing_m * (m->def.nodes[0] - 1), 2);
     double load_n = 0;
     bool stands = state && trial;
     int64_t tick = (int64_t)floor(c->step[0].time_s / STEP_S);
     for (int i = 0, next = 0; state && trial && i < c->count; i++) {
         for (; stands && ((double)tick + 0.5) * STEP_S < c->time_s[i]; tick++) {
             while (next < c->steps && c->step[next].time_s <= ((double)tick + 0.5) * STEP_S) {
-                load_n = c->step[next++].stress_pa * SIDE_M * SIDE_M;
+                load_n = c->step[next++].stress_pa * area_m2;
                 kn_level_plate_lower(&plate, m, state);
             }
             if (load_n > 0)
@@ -75,15 +86,39 @@ static bool creep(const kn_model *m, const kn_curve *c, double *strain)
 
 // ---- the fit
 
+enum { RUNS = 6 }; // most runs of the lattice
+
 typedef struct search {
-    kn_affine_structure structure;
-    int curves;
+    const kn_served_lattice *served;
+    int curves, readings;
     const kn_curve *curve;
-    double highest_pa;                 // largest measured stress
-    bool constant;                     // the element has a constant damper, and so have the lattice's edges
-    double *correction[KN_CURVES_MAX]; // [count] strain of the lattice minus that of the block, in the last round
-    double *strain;                    // [count of the longest curve] scratch
+    double highest_pa; // largest measured stress
+    bool constant;     // the element has a constant damper, and so have the lattice's edges
+    // [readings] residual of every reading of all curves; at: of the lattice, at the logarithms `from` of the unknowns;
+    // slope: by how much it changes with each of these logarithms in the block
+    double *at, *slope[KN_FIT_UNKNOWNS], from[KN_FIT_UNKNOWNS];
+    double *strain, *spare; // [readings] scratch
 } search;
+
+// Lower P1 until kneadd can step the damper: its law must fit the tables of core/law.h, which span 16 octaves of b, and
+// those of the circuit, whose c2 is at least A/2048 (core/solver_fixed.c). A law beyond the tables takes forty times the
+// time.
+static kn_material within_tables(kn_material material)
+{
+    const double octaves = 0.97 * 65536, flow = 0.93 * 2048;
+    double low = 1.01 * material.p0_pa, high = material.p1_pa;
+    for (int i = 0; i < 40; i++) {
+        kn_law law;
+        kn_law_init(&law, &material, STEP_S);
+        const bool fits =
+            law.bh_pa <= octaves * law.b0_pa && law.a_pa_s <= flow * kn_material_c2(&material, material.p1_pa);
+        if (fits && i == 0) return material;
+        *(fits ? &low : &high) = material.p1_pa;
+        material.p1_pa = 0.5 * (low + high);
+    }
+    material.p1_pa = low;
+    return material;
+}
 
 // The unknowns are k1, c1, alpha, beta, P0, and P1 - P0, so that P1 stays above P0; with a constant damper k1, c1, c2.
 static kn_material material_of(const double value[KN_FIT_UNKNOWNS], bool constant)
@@ -96,23 +131,63 @@ static kn_material material_of(const double value[KN_FIT_UNKNOWNS], bool constan
     double number[KN_ESTIMATE_NUMBERS];
     memcpy(number, value, sizeof number);
     number[KN_ESTIMATE_P1] += number[KN_ESTIMATE_P0];
-    return kn_estimate_material(number);
+    return within_tables(kn_estimate_material(number));
 }
 
-// Residuals of all curves, each relative to the root mean square of its own strain: all curves count alike.
-static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+// Compute the residuals of strains, each relative to the root mean square of its own curve: all curves count alike.
+static void residuals(const search *s, const double *strain, double *residual)
 {
-    const search *s = of;
-    const kn_material material = material_of(value, s->constant);
     for (int k = 0; k < s->curves; k++) {
         const kn_curve *c = &s->curve[k];
         double size = 0;
         for (int i = 0; i < c->count; i++) size += c->value[i] * c->value[i];
-        if (!kn_affine_block_creep(&s->structure, &material, c, c->count, c->time_s, s->strain)) return false;
-        for (int i = 0; i < c->count; i++)
-            *residual++ = (s->strain[i] + s->correction[k][i] - c->value[i]) / sqrt(size);
+        for (int i = 0; i < c->count; i++) *residual++ = (*strain++ - c->value[i]) / sqrt(size);
     }
+}
+
+// Compute the residuals of the block.
+static bool misfit_block(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    const search *s = of;
+    const kn_material material = material_of(value, s->constant);
+    double *strain = s->strain;
+    for (int k = 0; k < s->curves; strain += s->curve[k++].count) {
+        const kn_curve *c = &s->curve[k];
+        if (!kn_affine_block_creep(&s->served->structure, &material, c, c->count, c->time_s, strain)) return false;
+    }
+    residuals(s, s->strain, residual);
     return true;
+}
+
+// Compute the residuals of the lattice near the last run, with the slopes of the block.
+static bool misfit_near(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    const search *s = of;
+    memcpy(residual, s->at, (size_t)s->readings * sizeof *residual);
+    for (int u = 0; u < KN_ESTIMATE_NUMBERS; u++)
+        for (int i = 0; i < s->readings; i++) residual[i] += s->slope[u][i] * (log(value[u]) - s->from[u]);
+    return true;
+}
+
+// Compute the slopes of the block's residuals at the present values of the unknowns.
+static bool find_slopes(search *s, const kn_fit *fit)
+{
+    const double small = 1e-3;
+    double value[KN_FIT_UNKNOWNS];
+    bool good = true;
+    kn_fit_values(fit, value);
+    for (int u = 0; u < KN_ESTIMATE_NUMBERS && good; u++) {
+        const double here = value[u];
+        s->from[u] = log(here);
+        value[u] = here * (1 + small);
+        good = misfit_block(s, value, s->slope[u]);
+        value[u] = here / (1 + small);
+        // the lattice's residuals are not needed yet, so their array holds the other side of the difference
+        good = good && misfit_block(s, value, s->at);
+        value[u] = here;
+        for (int i = 0; i < s->readings; i++) s->slope[u][i] = (s->slope[u][i] - s->at[i]) / (2 * log1p(small));
+    }
+    return good;
 }
 
 // Return the root mean square difference of a strain from the readings, as a share of the largest reading.
@@ -123,17 +198,15 @@ static double apart(const double *strain, const kn_curve *c)
     return sqrt(sum / c->count) / kn_curve_largest(c);
 }
 
-// Run the lattice for all curves. Store its differences from the readings in left[], and the corrections of the block.
-static bool correct(search *s, const kn_material *material, double left[KN_CURVES_MAX])
+// Run the lattice for all curves. Store its strains in s->strain, and what is left on each curve.
+static bool run_lattice(search *s, const kn_material *material, double left[KN_CURVES_MAX])
 {
-    kn_model *m = make_lattice(&s->structure, material);
+    kn_model *m = make_lattice(s->served, material);
     bool good = m;
-    for (int k = 0; k < s->curves && good; k++) {
-        const kn_curve *c = &s->curve[k];
-        good = creep(m, c, s->correction[k]) &&
-               kn_affine_block_creep(&s->structure, material, c, c->count, c->time_s, s->strain);
-        left[k] = apart(s->correction[k], c);
-        for (int i = 0; i < c->count && good; i++) s->correction[k][i] -= s->strain[i];
+    double *strain = s->strain;
+    for (int k = 0; k < s->curves && good; strain += s->curve[k++].count) {
+        good = creep(m, &s->curve[k], strain);
+        left[k] = apart(strain, &s->curve[k]);
     }
     kn_model_destroy(m);
     return good;
@@ -147,8 +220,9 @@ static double mean_square(int count, const double *x)
 }
 
 // The search begins with the parameters of the element. P1 stays below WIDEST times the largest measured stress, since
-// readings beyond it do not exist, and a damper over many decades costs a lattice forty times the time (kn_law_in_lanes).
+// readings beyond it do not exist.
 #define WIDEST 1.5
+#define ALPHA_MOST 1e12 // Pa s: the largest c2 and a plausible alpha of a scene
 
 static void set_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
 {
@@ -167,13 +241,16 @@ static void set_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
                                            .low = 1e-3 * start[i],
                                            .high = 1e3 * start[i],
                                            .fixed = constant && i > KN_ESTIMATE_ALPHA};
+    fit->unknown[KN_ESTIMATE_ALPHA].high = fmin(fit->unknown[KN_ESTIMATE_ALPHA].high, ALPHA_MOST);
+    fit->unknown[KN_ESTIMATE_ALPHA].value = fmin(fit->unknown[KN_ESTIMATE_ALPHA].value, 0.5 * ALPHA_MOST);
     if (constant) return;
     kn_fit_unknown *p1 = &fit->unknown[KN_ESTIMATE_P1];
     p1->high = fmax(WIDEST * highest_pa, 2 * p1->low);
     p1->value = fmin(p1->value, 0.9 * p1->high);
 }
 
-// Run the fit. If some combination of the parameters does not change the block's curves, hold P1 at its value, and then P0.
+// Run the fit. If some combination of the parameters does not change the block's curves, hold P1; if that is not enough,
+// hold P0 too.
 static bool run_fit(kn_fit *fit)
 {
     bool good = kn_fit_run(fit);
@@ -193,63 +270,92 @@ static void finish(kn_served_lattice *served, const kn_fit *fit, bool constant)
         kn_fit_interval interval = {KN_FIT_CURVATURE, u->low, u->high, true, true};
         if (!u->fixed) interval = kn_fit_interval_by(fit, i, 0.95, KN_FIT_CURVATURE);
         const double more = i == KN_ESTIMATE_P1 ? fit->unknown[KN_ESTIMATE_P0].value : 0;
+        const double value = i == KN_ESTIMATE_P1 ? served->material.p1_pa : u->value;
         interval.low += more, interval.high += more;
-        kn_parameter_estimate_set(n, n->name, n->unit, u->value + more, interval);
+        kn_parameter_estimate_set(n, n->name, n->unit, value, interval);
+        const bool lowered = value < 0.999 * (u->value + more);
+        if (lowered) n->known = KN_UNKNOWN;
         if (n->known == KN_UNKNOWN)
-            snprintf(n->words, sizeof n->words, "these curves do not show it in a lattice, which uses %.5g %s",
-                     n->value, n->unit);
+            snprintf(n->words, sizeof n->words, "%s a lattice, which uses %.5g %s",
+                     lowered ? "lowered to what kneadd can step in" : "these curves do not show it in", n->value,
+                     n->unit);
     }
 }
 
-// Alternate between the lattice and the fit of the block, until the lattice is as near to the readings as it gets.
-static bool alternate(kn_served_lattice *served, search *s, kn_fit *fit, kn_progress *bar)
+// Fit the block, and then improve the parameters by runs of the lattice: Gauss-Newton steps with the lattice's residuals
+// and the block's slopes. No number changes by more than the factor `reach` in a step. A step that makes the lattice
+// worse is taken back, and the next one is shorter.
+static bool improve(kn_served_lattice *served, search *s, kn_fit *fit, kn_progress *bar)
 {
-    enum { ROUNDS = 2 };
-    double value[KN_FIT_UNKNOWNS], left[KN_CURVES_MAX];
-    kn_material material = served->material;
-    for (int k = 0; k < s->curves; k++) {
-        const kn_curve *c = &s->curve[k];
-        if (!kn_affine_block_creep(&s->structure, &material, c, c->count, c->time_s, s->strain)) return false;
-        served->left[k] = served->before[k] = apart(s->strain, c);
-    }
-    set_unknowns(fit, &material, s->highest_pa);
-    for (int round = 0; round < ROUNDS; round++) {
-        kn_progress_step(bar, 2 * round);
-        if (!run_fit(fit)) return round > 0;
-        kn_fit_values(fit, value);
-        material = material_of(value, s->constant);
-        kn_progress_step(bar, 2 * round + 1);
-        if (!correct(s, &material, left)) return round > 0;
-        if (round > 0 && mean_square(s->curves, left) >= mean_square(s->curves, served->left)) break;
-        served->material = material;
-        memcpy(served->left, left, sizeof left);
-        served->rounds = round + 1;
-        finish(served, fit, s->constant);
+    const double enough = 0.97; // the search ends when a step leaves more than this share of the mean square
+    double value[KN_FIT_UNKNOWNS], left[KN_CURVES_MAX], reach = 2, best = INFINITY;
+    kn_fit_unknown bound[KN_FIT_UNKNOWNS];
+    kn_fit next;
+    fit->misfit = misfit_block;
+    set_unknowns(fit, &served->material, s->highest_pa);
+    if (!kn_fit_run(fit)) return false;
+    memcpy(bound, fit->unknown, sizeof bound);
+    next = *fit;
+    for (int run = 0; run < RUNS; run++) {
+        kn_progress_step(bar, run + 1);
+        kn_fit_values(&next, value);
+        const kn_material material = material_of(value, s->constant);
+        if (!run_lattice(s, &material, left)) break;
+        const double now = mean_square(s->curves, left), before = best;
+        if (now < best) {
+            best = now;
+            *fit = next;
+            for (int i = 0; i < fit->unknowns; i++) // an interval may go beyond the reach of a step
+                fit->unknown[i].low = bound[i].low, fit->unknown[i].high = bound[i].high;
+            served->material = material;
+            memcpy(served->left, left, sizeof left);
+            served->rounds = run + 1;
+            finish(served, fit, s->constant);
+            if (now > enough * before) break;
+            double *lattice = s->strain;
+            s->strain = s->spare, s->spare = lattice;
+            if (!find_slopes(s, fit)) break;
+            residuals(s, lattice, s->at);
+        } else {
+            reach = sqrt(reach);
+        }
+        next = *fit;
+        next.misfit = misfit_near;
+        for (int i = 0; i < next.unknowns; i++) {
+            next.unknown[i].low = fmax(bound[i].low, next.unknown[i].value / reach);
+            next.unknown[i].high = fmin(bound[i].high, next.unknown[i].value * reach);
+            next.unknown[i].fixed = bound[i].fixed;
+        }
+        if (!run_fit(&next)) break;
     }
     return served->rounds > 0;
 }
 
-bool kn_served_lattice_fit(kn_served_lattice *served, const char *subcommand, const kn_affine_structure *structure,
-                           int curves, const kn_curve *curve, const kn_creep_fit *element)
+bool kn_served_lattice_fit(kn_served_lattice *served, const char *subcommand, int curves, const kn_curve *curve,
+                           const kn_creep_fit *element)
 {
     static kn_fit fit;
-    search s = {.structure = *structure, .curves = curves, .curve = curve, .highest_pa = element->highest_pa};
+    search s = {.served = served, .curves = curves, .curve = curve, .highest_pa = element->highest_pa};
     s.constant = element->material.damper == KN_DAMPER_CONSTANT;
-    int most = 0;
-    *served = (kn_served_lattice){.structure = *structure, .material = element->material};
+    served->material = element->material;
+    served->rounds = 0;
     memcpy(served->number, element->number, sizeof served->number);
-    fit = (kn_fit){.misfit = misfit, .of = &s};
-    bool good = true;
-    for (int k = 0; k < curves; k++) {
-        fit.readings += curve[k].count;
-        most = curve[k].count > most ? curve[k].count : most;
-        good &= (s.correction[k] = calloc((size_t)curve[k].count, sizeof(double))) != NULL;
+    for (int k = 0; k < curves; k++) s.readings += curve[k].count;
+    fit = (kn_fit){.of = &s, .readings = s.readings};
+    double *all = calloc((3 + KN_ESTIMATE_NUMBERS) * (size_t)s.readings, sizeof *all);
+    if (!all) return false;
+    s.at = all, s.strain = all + s.readings, s.spare = s.strain + s.readings;
+    for (int u = 0; u < KN_ESTIMATE_NUMBERS; u++) s.slope[u] = s.spare + (u + 1) * s.readings;
+    double *strain = s.strain;
+    for (int k = 0; k < curves; strain += curve[k++].count) {
+        if (!kn_affine_block_creep(&served->structure, &served->material, &curve[k], curve[k].count, curve[k].time_s,
+                                   strain))
+            break;
+        served->left[k] = served->before[k] = apart(strain, &curve[k]);
     }
-    s.strain = calloc((size_t)most, sizeof *s.strain);
-    kn_progress bar = kn_progress_open(subcommand, 4);
-    good = good && s.strain && alternate(served, &s, &fit, &bar);
+    kn_progress bar = kn_progress_open(subcommand, RUNS + 1);
+    const bool good = improve(served, &s, &fit, &bar);
     kn_progress_close(&bar);
-    free(s.strain);
-    for (int k = 0; k < curves; k++) free(s.correction[k]);
+    free(all);
     return good;
 }

@@ -3,34 +3,39 @@
 // The material of a lattice that creeps as the specimen did. The parameters of the element (creep_fit.h) are those of one
 // edge. A lattice of such edges creeps otherwise, because its edges turn, stretch and share the load unevenly. Here the
 // same six parameters are fitted so that the lattice itself, under a level plate on a table without friction, repeats
-// the measured curves.
+// the measured curves. The result holds for the spacing of that lattice: at large strains, coarse cells fold together
+// under less weight than fine ones (with the same numbers, 90 gf strain cells of 5 mm by 18 % more than cells of 3.3 mm).
 //
 // A run of the lattice takes seconds, one of the affine block (affine_block.h) milliseconds, and the two differ by
-// little, because the plate holds the top. So the search runs on the block, and the lattice corrects it
-// (space mapping):
-//
-//     measured  =  block(p) + lattice(q) - block(q)                q: parameters of the last round
-//
-// Each round fits p to all readings, and then takes p as the next q. The first round has no correction. The result is the
-// round whose lattice is nearest to the readings.
+// little, because the plate holds the top. So the search begins with a fit of the block. Then each round runs the
+// lattice, and a Gauss-Newton step follows from its residuals and the block's slopes. No number changes by more than a
+// factor of 2 in a step. A step that makes the lattice worse is taken back, and the next one is shorter. The result is
+// the best round.
 #include "clients/identify/affine_block.h"
 #include "clients/identify/creep_fit.h"
 
-#define KN_SERVED_CELLS 3 // cells of the lattice along each side of the specimen
+#define KN_SERVED_CELLS_MAX 8 // along each side of the specimen
 
 typedef struct kn_served_lattice {
     kn_affine_structure structure;
+    int cells[2];                                      // cells of the lattice along the specimen's width and height
+    double spacing_m;                                  // side of a cell
     kn_material material;                              // parameters of the lattice's edges
     kn_parameter_estimate number[KN_ESTIMATE_NUMBERS]; // the same, with intervals by the curvature of the last round
     // root mean square difference between the lattice's strain and the readings of each curve, as a share of the
-    // largest measured strain; before: with the parameters of the element, and of the block in place of the lattice
+    // largest measured strain; before: of the block, with the parameters of the element
     double left[KN_CURVES_MAX], before[KN_CURVES_MAX];
     int rounds;
 } kn_served_lattice;
 
-// Fit the parameters, beginning with those of the element, which the same curves gave. `subcommand` names the progress bar. Return false if memory
-// is short, or if no lattice of this structure repeats the curves at all.
-bool kn_served_lattice_fit(kn_served_lattice *served, const char *subcommand, const kn_affine_structure *structure,
-                           int curves, const kn_curve *curve, const kn_creep_fit *element);
+// Choose the cells of the lattice for a specimen: as near to `spacing_m` as whole cells allow. A specimen of unknown size
+// is a cube of 1 cm. Return false if the specimen has fewer than 2 or more than KN_SERVED_CELLS_MAX cells along a side.
+bool kn_served_lattice_cut(kn_served_lattice *served, const kn_curve *curve, double spacing_m);
+
+// Fit the parameters of the lattice whose structure and cells are set, beginning with those of the element, which the
+// same curves gave. `subcommand` names the progress bar. Return false if memory is short, or if no lattice of this
+// structure repeats the curves at all.
+bool kn_served_lattice_fit(kn_served_lattice *served, const char *subcommand, int curves, const kn_curve *curve,
+                           const kn_creep_fit *element);
 
 #endif

@@ -106,8 +106,17 @@ cd ..
 knead creep dough --load 10gf --hold 10 --rest 0 --csv small.csv >/dev/null
 knead identify creep small.csv --height 1cm --area 1cm^2 --no-models --serve b --out served.yaml --json >served.json || fail "--serve: exit $?"
 json served.json 'o["structure"] == "b" and o["lattice"][0]["left"] < 0.01 and o["lattice"][0]["left_before"] > 0.05' &&
-    knead check served.yaml | grep -q "^pressure .*each closed" && grep -q "^# left on curve 1: " served.yaml &&
+    knead check served.yaml | grep -q "^pressure .*each closed" && knead check served.yaml | grep -q "^label *fitted to small.csv: cells of 5 mm, gas in the cells, diagonals of 8 %" &&
     ok "with --serve the lattice repeats the curve within 1 %, and the scene is served" || fail "--serve: $(cat served.json served.yaml)"
+begun=yes refuses 2 "knead identify creep: small.csv: --serve: cells of 1 mm do not fit the specimen, expected a --spacing for 2 to 8 cells along each side" \
+    identify creep small.csv --height 1cm --area 1cm^2 --serve b --spacing 1mm
+knead creep dough --load 10gf,90gf --hold 3 --rest 3 --csv all.csv >/dev/null
+awk 'NR == 1 || NR % 20 == 2' all.csv >large.csv
+stiff() { knead identify creep large.csv --height 1cm --area 1cm^2 --no-models --serve a --out stiff.yaml "$@" >out 2>err; }
+stiff
+[ $? = 1 ] && [ ! -e stiff.yaml ] && grep -q "^knead identify creep: --out stiff.yaml: not written, a lattice with diagonals leaves up to" err &&
+    stiff --anyway && grep -q ": too much" stiff.yaml && knead check stiff.yaml >/dev/null &&
+    ok "the scene of a lattice that does not follow is not written, or with --anyway says so in its label" || fail "stiff: $(cat err)"
 refuses 2 "knead identify creep: --serve 'd': expected a structure of the first paper: a, b or c" identify creep small.csv --serve d
 refuses 2 "knead identify creep: expected a file of readings, CSV; --help lists its columns" identify creep
 refuses 2 "knead identify creep: --load '0': expected a weight or force like 50gf or '0.5 N'" identify creep 50gf.csv --load 0
