@@ -114,7 +114,7 @@ def show(page, path):  # save a picture of a block that was pressed at one place
 def main():
     options = argparse.ArgumentParser()
     options.add_argument("--seconds", type=float, default=20, help="per row (20)")
-    options.add_argument("--scene", default="dough.yaml", help="of core/scenes (dough.yaml)")
+    options.add_argument("--scene", default="dough-diagonals.yaml", help="of core/scenes (dough-diagonals.yaml)")
     options.add_argument("--rate", default="30", help="pictures per second (30)")
     options.add_argument("--size", default="800x450", help="of a picture (800x450)")
     options.add_argument("--picture", metavar="/FILE", help="measure nothing: the page in a press, as PNG")

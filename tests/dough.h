@@ -12,4 +12,16 @@ static const kn_material dough = {.k1_pa = 470 * GF_CM2,
                                   .p0_pa = 9 * GF_CM2,
                                   .p1_pa = 80 * GF_CM2};
 
+// The same dough for a lattice with cells of 5 mm, gas in the cells and diagonals of 8 %: materials/dough-lattice.yaml.
+static inline kn_material dough_lattice(void)
+{
+    return (kn_material){.k1_pa = 326 * GF_CM2,
+                         .c1_pa_s = 2100 * GF_CM2,
+                         .damper = KN_DAMPER_EXPONENTIAL,
+                         .alpha_pa_s = 6.45e4 * GF_CM2,
+                         .beta_per_pa = 0.1212 / GF_CM2,
+                         .p0_pa = 6.4 * GF_CM2,
+                         .p1_pa = 55.8 * GF_CM2};
+}
+
 #endif

@@ -63,7 +63,7 @@ TEST("a tool that starts inside the object grows into contact gently, and its wo
     CHECK(news->windows >= 2 && news->created == 0);
 }
 
-static const char *const scenes[] = {"dough.yaml", "dough-pressure.yaml", "dough-fine.yaml", "bun.yaml"};
+static const char *const scenes[] = {"dough-diagonals.yaml", "dough.yaml", "dough-fine.yaml", "bun.yaml"};
 
 static lattice jelly_scene(const char *name, double damper_pa_s)
 {

@@ -25,13 +25,16 @@ static uint64_t hash_of(const run *r)
 TEST("presses on blocks of 144 and 847 nodes give the golden hashes: plate, ball, f64, integers, gas, flat, two "
      "resolutions")
 {
-    kn_model_def f64 = press_def(1), integers, gas = press_def(2), flat, fine = press_def(2);
+    kn_model_def f64 = press_def(1), integers, gas = press_def(2), shipped, flat, fine = press_def(2);
     f64.solver.precision = KN_PRECISION_F64;
     integers = f64;
     integers.solver.kind = KN_SOLVER_FIXED;
     integers.solver.iterations = 8;
     integers.solver.passes = 2;
     gas.pressure = KN_PRESSURE_CELLS;
+    shipped = gas;
+    shipped.material = dough_lattice();
+    shipped.diagonal_stiffness = 0.08;
     flat = gas;
     flat.nodes[1] = 1;
     flat.thickness_m = 0.05;
@@ -50,6 +53,7 @@ TEST("presses on blocks of 144 and 847 nodes give the golden hashes: plate, ball
         {"dough-small-plate-f64", f64, 0x774fbacda3ca5e0c},
         {"dough-small-plate-fixed", integers, 0xde30178d424381bd},
         {"dough-pressure-plate", gas, 0x06cbfcffbe84e22d},
+        {"dough-lattice-plate", shipped, 0x8c61afb5caf9c0cd},
         {"flat-pressure-plate", flat, 0xde20870edbf890f4},
         {"composite-plate", fine, 0xf3b9db13461c04ad},
     };

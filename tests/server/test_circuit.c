@@ -122,7 +122,7 @@ static int until_in_step(object *o)
 
 TEST("a lattice that loads longer than a second over its line gets in step, also after each restart of the circuit")
 {
-    AT_END(unmake) object o = make("dough.yaml", start("3000000", NULL));
+    AT_END(unmake) object o = make("dough-diagonals.yaml", start("3000000", NULL));
     char why[KN_LINK_WHY] = "";
     kn_fpga_counts n;
     const double load_s = attach(&o);
@@ -149,7 +149,7 @@ TEST("a lattice that loads longer than a second over its line gets in step, also
 
 TEST("the queue is as long as a load takes, and a queue without enough memory is refused with its length")
 {
-    AT_END(unmake) object o = make("dough.yaml", start("1000000", NULL));
+    AT_END(unmake) object o = make("dough-diagonals.yaml", start("1000000", NULL));
     char why[KN_LINK_WHY] = "";
     kn_fpga_counts n;
     CHECK(attach_with(&o, 1 << 20, why) < 0 && strstr(why, "ticks") && strstr(why, "expected"));
