@@ -64,7 +64,8 @@ knead probe --path poke --tries 1 --quiet >/dev/null 2>second.err
 field '["mode"], "later"' >>mode
 ctl recover >recover.out
 $ahead knead probe --path poke --quiet >/dev/null 2>third.err
-check "after a recover a hand presses: $(cat third.err)" [ $? = 0 ]
+status=$?
+check "after a recover a hand presses: $(cat third.err)" [ $status = 0 ]
 pause 0.2 # the session ends
 field '["mode"], "recovered"' >>mode
 ctl --json status >stopped.json

@@ -7,7 +7,8 @@ sed "s|^ExecStart=[^ ]*|ExecStart=$KN_BUILD/bin/kneadd|; s|^ExecReload=[^ ]*|Exe
 systemd-analyze verify "$PWD/kneadd.service" >verified 2>&1
 check "systemd accepts every line of the unit$(sed 's/^/: /' verified)" [ ! -s verified ]
 systemd-analyze security --offline=true --no-pager --threshold=20 "$KN_BUILD/server/kneadd.service" >exposure 2>&1
-check "$(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
+status=$?
+check "$(tail -1 exposure | tr -dc '[:print:]')" [ $status = 0 ]
 
 # With the board's drop-in, appended to the unit as systemd does. By default no device is opened.
 check "the unit allows no device node by default" [ "$(grep -c '^DeviceAllow\|^PrivateDevices=no' kneadd.service)" = 0 ]
@@ -17,7 +18,8 @@ systemd-analyze verify "$PWD/board/kneadd.service" >verified 2>&1
 check "systemd accepts every line of the unit with a board$(sed 's/^/: /' verified)" [ ! -s verified ]
 cat "$KN_BUILD/server/kneadd.service" "$KN_SOURCE/server/kneadd-board.conf" >board/kneadd.service
 systemd-analyze security --offline=true --no-pager --threshold=20 "$PWD/board/kneadd.service" >exposure 2>&1
-check "with a board: $(tail -1 exposure | tr -dc '[:print:]')" [ $? = 0 ]
+status=$?
+check "with a board: $(tail -1 exposure | tr -dc '[:print:]')" [ $status = 0 ]
 check "the unit with a board allows one serial line only" grep -q 'DeviceAllow=.*ttyUSB0' "$KN_SOURCE/server/kneadd-board.conf"
 
 [ "$KN_REALTIME" != off ] && command -v setpriv >/dev/null || { echo "no user to become here: the rest is left out" && exit $failed; }
