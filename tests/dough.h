@@ -4,24 +4,13 @@
 
 #define GF_CM2 98.0665 // Pa. The papers measured gf/cm^3 on a 1 cm cube, where it equals gf/cm^2 per unit strain
 
-static const kn_material dough = {.k1_pa = 470 * GF_CM2,
-                                  .c1_pa_s = 2500 * GF_CM2,
-                                  .damper = KN_DAMPER_EXPONENTIAL,
-                                  .alpha_pa_s = 8.16e4 * GF_CM2,
-                                  .beta_per_pa = 0.0815 / GF_CM2,
-                                  .p0_pa = 9 * GF_CM2,
-                                  .p1_pa = 80 * GF_CM2};
+// A material in the units of the papers, for a specimen of 1 cm.
+#define PAPER_MATERIAL(k1, c1, alpha, beta, p0, p1)                                                                    \
+    {                                                                                                                  \
+        .k1_pa = (k1)*GF_CM2, .c1_pa_s = (c1)*GF_CM2, .damper = KN_DAMPER_EXPONENTIAL, .alpha_pa_s = (alpha)*GF_CM2,   \
+        .beta_per_pa = (beta) / GF_CM2, .p0_pa = (p0)*GF_CM2, .p1_pa = (p1)*GF_CM2                                     \
+    }
 
-// The same dough for a lattice with cells of 5 mm, gas in the cells and diagonals of 8 %: materials/dough-lattice.yaml.
-static inline kn_material dough_lattice(void)
-{
-    return (kn_material){.k1_pa = 326 * GF_CM2,
-                         .c1_pa_s = 2100 * GF_CM2,
-                         .damper = KN_DAMPER_EXPONENTIAL,
-                         .alpha_pa_s = 6.45e4 * GF_CM2,
-                         .beta_per_pa = 0.1212 / GF_CM2,
-                         .p0_pa = 6.4 * GF_CM2,
-                         .p1_pa = 55.8 * GF_CM2};
-}
+static const kn_material dough = PAPER_MATERIAL(470, 2500, 8.16e4, 0.0815, 9, 80);
 
 #endif
