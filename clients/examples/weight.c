@@ -1,10 +1,12 @@
-// weight.c: put a weight on the object of a running kneadd, and print the height of its plate. The plate is moved by force
-// control, as a rheometer does under a constant load. Needs stock LCM only, as hand.c does. From the top of the source tree:
+// weight.c: put a weight on the object of a running kneadd, and print the height of the plate under it. The plate is
+// moved by force control, as a rheometer does under a constant load. Needs stock LCM only, as hand.c does. From the top
+// of the source tree:
 //
 //     mkdir -p build/hand/proto
 //     lcm-gen -c --c-cpath build/hand/proto --c-hpath build/hand/proto proto/probe_pose_t.lcm proto/contact_force_t.lcm
 //     cc -O2 -Ibuild/hand -o build/hand/weight clients/examples/weight.c build/hand/proto/*.c -llcm -lm
-//     build/hand/weight PROBE TOP_M WEIGHT_N SECONDS   e.g. plate 0.01 0.49 60: on a cube of 1 cm, for a minute
+//     build/hand/weight PROBE TOP_M WEIGHT_N SECONDS   TOP_M: height of the object's top;
+//                                                      plate 0.01 0.49 60: 50 gf on a cube of 1 cm, for a minute
 #include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include <math.h>
@@ -16,7 +18,7 @@
 #define NEAR_M 2e-4  // the plate comes down fast to this height above the object, and then slowly
 #define LOWER_M_S 1e-4
 // The plate's speed grows by the factor exp(RATE dt (1 - force/weight)). An object resists like a damper whose viscosity
-// changes by decades, so the speed is changed in proportion. A faster controller hunts: forces are some ms old.
+// changes by decades, so the speed is changed in proportion. A faster controller oscillates: forces are some ms old.
 #define RATE 100.0 // 1/s
 
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, const knead_contact_force_t *msg, void *force)
@@ -36,6 +38,8 @@ int main(int argc, char **argv)
 {
     if (argc != 5) return fputs("usage: weight PROBE TOP_M WEIGHT_N SECONDS\n", stderr), 2;
     const double top_m = atof(argv[2]), weight_n = atof(argv[3]), seconds = atof(argv[4]);
+    if (!(top_m > 0 && weight_n > 0 && seconds > 0))
+        return fputs("weight: TOP_M, WEIGHT_N, SECONDS: expected numbers above 0\n", stderr), 2;
     char pose_channel[64], force_channel[64];
     snprintf(pose_channel, sizeof pose_channel, "KNEAD_POSE_%s", argv[1]);
     snprintf(force_channel, sizeof force_channel, "KNEAD_FORCE_%s", argv[1]);
@@ -66,7 +70,8 @@ int main(int argc, char **argv)
         pose.seq = n, pose.sent_ns = now_ns(CLOCK_MONOTONIC);
         pose.utime = pose.session / 1000 + n * 1000;
         knead_probe_pose_t_publish(lcm, pose_channel, &pose);
-        if (force.flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED) return fputs("weight: latched\n", stderr), 1;
+        if (force.flags & KNEAD_CONTACT_FORCE_T_FLAG_LATCHED)
+            return fputs("weight: kneadd has latched the force; start again\n", stderr), 1;
         const double since_s = 1e-9 * (double)(tick_ns - began_ns);
         if (began_ns == 0 || (n % 1000 && since_s < seconds)) continue;
         printf("%6.2f s   %8.5f m   %7.4f N\n", since_s, z_m, force_n);

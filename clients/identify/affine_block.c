@@ -25,8 +25,8 @@ static double length_of(int k, double width, double height)
 }
 
 // Compute the forces per area at rest with which the block resists at the end of a step to this width and height:
-// force[0] on its free sides and force[1] on the plates, > 0: tension. slope[i][j]: derivative of force[i] by width (j = 0)
-// or height. Store the new strains of the edges in `strain`.
+// force[0] on its free sides and force[1] on the plates, > 0: tension. slope[i][j]: derivative of force[i] by width
+// (j = 0) or height (j = 1). Store the new strains of the edges in `strain`.
 static void forces(const kn_affine_block *b, double width, double height, double force[2], double slope[2][2],
                    double strain[KN_AFFINE_EDGES])
 {
@@ -112,8 +112,8 @@ bool kn_affine_block_load(kn_affine_block *b, double dt_s, double stress_pa)
 
 bool kn_affine_block_press(kn_affine_block *b, double dt_s, double height) { return solve(b, dt_s, NAN, height); }
 
-// A step is this share of the time since the load changed. Measured for dough: the strain is then within 0.001 of that
-// with steps a quarter as long.
+// A step is this share of the time since the load changed. Measured for the numbers of dough.yaml under 10 to 90 gf: the
+// strain after 60 s is then within 0.0011 of the converged one.
 static const double step_share = 0.04;
 
 // Advance a block under a constant weight from *now_s to until_s. The load was applied at since_s.

@@ -574,8 +574,8 @@ static int fill_page(kn_document *d, kn_identification *w)
 // ---- the material of a lattice (--serve)
 
 // Stiffness of the diagonals of structure (b), as a share of a side's, with two cells along the specimen and with more.
-// With these the lattice repeats the first paper's dough best: its creep is off by 4.4 and 5.7 % at most. With 2 % on two
-// cells it is off by 9 %, with 8 % on three cells by 13 %.
+// With these the lattice repeats the first paper's dough best: its creep is off by 4.4 and 5.7 % at most. Fitted with
+// 2 % on two cells it is off by 9 %, with 7 % on three cells by 13 %.
 #define COARSE_DIAGONALS 0.08
 #define FINE_DIAGONALS 0.02
 

@@ -105,13 +105,13 @@ typedef struct search {
 // time.
 static kn_material within_tables(kn_material material)
 {
-    const double octaves = 0.97 * 65536, flow = 0.93 * 2048;
+    const double span = 0.97 * 65536, flow = 0.93 * 2048;
     double low = 1.01 * material.p0_pa, high = material.p1_pa;
     for (int i = 0; i < 40; i++) {
         kn_law law;
         kn_law_init(&law, &material, STEP_S);
         const bool fits =
-            law.bh_pa <= octaves * law.b0_pa && law.a_pa_s <= flow * kn_material_c2(&material, material.p1_pa);
+            law.bh_pa <= span * law.b0_pa && law.a_pa_s <= flow * kn_material_c2(&material, material.p1_pa);
         if (fits && i == 0) return material;
         *(fits ? &low : &high) = material.p1_pa;
         material.p1_pa = 0.5 * (low + high);
@@ -277,7 +277,7 @@ static void finish(kn_served_lattice *served, const kn_fit *fit, bool constant)
         if (lowered) n->known = KN_UNKNOWN;
         if (n->known == KN_UNKNOWN)
             snprintf(n->words, sizeof n->words, "%s a lattice, which uses %.5g %s",
-                     lowered ? "lowered to what kneadd can step in" : "these curves do not show it in", n->value,
+                     lowered ? "lowered to what kneadd's tables hold in" : "these curves do not show it in", n->value,
                      n->unit);
     }
 }

@@ -125,8 +125,8 @@ bool kn_draft_fine(kn_draft *draft);
 // holds any other key.
 bool kn_draft_take_material(kn_draft *draft, const kn_draft *from, int variant, kn_mark mark);
 
-// Drop the label if it does not speak of the scene's material: if a --set changes the material of a file with a label, or if
-// the scene changes a key of a material that brought its label.
+// Drop the label if it does not speak of the scene's material: if a --set changes the material of a file with a label,
+// or if the scene changes a key of a material that brought its label.
 void kn_draft_drop_label(kn_draft *draft);
 
 // Change the numbers of the material to those of the variant draft->variant. Before the call, the numbers must be
