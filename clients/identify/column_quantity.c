@@ -300,13 +300,13 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
 // words of a longer name, such as "test time". The time of the whole test is preferred to the time within a step or
 // interval.
 enum { NAME, UNIT, COLUMNS };
-static const char *const quantities[][17] = {
+static const char *const quantities[][18] = {
     [KN_TIME] = {"time", "s", "total time", "test time", "time (sequence)", "elapsed time", "run time", "time", "t",
                  "zeit", "step time", "interval time", " time"},
     [KN_HEIGHT] = {"height", "m", "height", "h", "gap", "thickness", "sample height", "l", " height", " gap",
                    " thickness"},
     [KN_DISPLACEMENT] = {"displacement", "m", "displacement", "disp", "deformation", "deflection", "compression",
-                         "indentation", "stroke", "extension", "distance", "travel", "d", " displacement",
+                         "indentation", "depth", "stroke", "extension", "distance", "travel", "d", " displacement",
                          " deformation", " distance"},
     [KN_STRAIN] = {"strain", "1", "strain", "compressive strain", "engineering strain", "shear strain", "gamma",
                    "epsilon", "deformation", "compression", "x", " strain"},

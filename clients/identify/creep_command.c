@@ -587,9 +587,6 @@ static const char *structure_words(const kn_affine_structure *s, char words[80])
     return words;
 }
 
-// A lattice that is off by more than this share of the largest strain does not follow the specimen.
-#define FOLLOWS 0.15
-
 static double worst_left(const kn_identification *w)
 {
     double worst = 0;
@@ -635,7 +632,7 @@ static void serve(kn_identification *w)
         return;
     }
     tell_lattice(w, words);
-    if (!(worst_left(w) <= FOLLOWS))
+    if (!(worst_left(w) <= KN_IDENTIFY_FOLLOWS))
         kn_identify_note(w,
                          "a lattice with %s cannot follow these curves: up to %.0f %% of the largest strain are left; "
                          "try another structure",
@@ -649,7 +646,7 @@ static int write_scene(const kn_identification *w, const char *path)
     char words[80], origin[600], source[KN_SOURCE_MAX], label[900], scene[2048];
     kn_material_source(w->opt.file[0], w->opt.files, source);
     structure_words(&l->structure, words);
-    if (!(worst_left(w) <= FOLLOWS) && !w->opt.anyway)
+    if (!(worst_left(w) <= KN_IDENTIFY_FOLLOWS) && !w->opt.anyway)
         return kn_complain(w->opt.subcommand, KN_EXIT_FAILED,
                            "--out %s: not written, a lattice with %s leaves up to %.0f %% of a curve; expected another "
                            "--serve, or --anyway",
@@ -660,7 +657,8 @@ static int write_scene(const kn_identification *w, const char *path)
                  1e3 * l->spacing_m, words);
     for (int k = 0; k < w->curves && used < 860; k++)
         used += snprintf(label + used, sizeof label - (size_t)used, "%s %.2g", k ? "," : "", 100 * l->left[k]);
-    snprintf(label + used, sizeof label - (size_t)used, "%s", !(worst_left(w) <= FOLLOWS) ? ": too much" : "");
+    snprintf(label + used, sizeof label - (size_t)used, "%s",
+             !(worst_left(w) <= KN_IDENTIFY_FOLLOWS) ? ": too much" : "");
     snprintf(origin, sizeof origin, "creep, for a lattice with %s, from %s: %d curve%s.", words, source, w->curves,
              w->curves == 1 ? "" : "s");
     // the first paper's block, or what kneadd can step of it with fine cells

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---- the options of creep, relax and sweep
+// ---- the options of creep, press, relax and sweep
 
 // Parse a strain such as 10% or 0.1. A blank before the percent sign is allowed.
 static const char *take_strain(void *strain, const char *text)
@@ -88,7 +88,12 @@ static const kn_option rows[] = {
     KN_OPTION("late", FLAG, AT(late), .belongs = "c"),
     KN_OPTION("serve", SPECIAL, AT(serve), .take = take_structure, .belongs = "c"),
     KN_OPTION("spacing", QUANTITY, AT(spacing_m), SI("m"), .expected = "a length like '5 mm'", .belongs = "c"),
-    KN_OPTION("anyway", FLAG, AT(anyway), .belongs = "c"),
+    KN_OPTION("anyway", FLAG, AT(anyway), .belongs = "cp"),
+    KN_OPTION("object", TEXT, AT(object), .belongs = "p"),
+    KN_OPTION("tool", TEXT, AT(tool), .belongs = "p"),
+    KN_OPTION("held", LIST, AT(held), .count = offsetof(kn_identify_options, helds), .belongs = "p"),
+    KN_OPTION("compliance", QUANTITY, AT(compliance_m_n), .unit = "m/N", .most = 1,
+              .expected = "a compliance like '0.01 mm/N'", .belongs = "p"),
     KN_OPTION("noise", EITHER, AT(constant_noise), .unit = "relative|constant", .expected = "constant or relative",
               .belongs = "r"),
     KN_OPTION("cut", QUANTITY, AT(cut_s), SI("s"), .expected = "a time like 100 or '100 s'", .belongs = "cr"),
@@ -102,7 +107,7 @@ static const kn_option rows[] = {
     KN_OPTION("shear", FLAG, AT(shear), .belongs = "s"),
 };
 
-// Parse the command line of one experiment: 'c' for creep, 'r' for relax, 's' for sweep. Return KN_OPTIONS_READ if the
+// Parse the command line of one experiment: 'c' for creep, 'p' for press, 'r' for relax, 's' for sweep. Return KN_OPTIONS_READ if the
 // experiment is to run. Otherwise return an exit code: 0 after --help, which prints `help`, or another code after an
 // error. Call free_options in every case, even after an error.
 static int parse_options(kn_identify_options *opt, const char *subcommand, char experiment, const char *help, int argc,
@@ -110,18 +115,24 @@ static int parse_options(kn_identify_options *opt, const char *subcommand, char 
 {
     const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .unknown = "unknown option; --help lists them",
                                    .experiment = experiment, .quotes = true};
-    *opt = (kn_identify_options){.subcommand = subcommand, .curve.subcommand = subcommand};
+    *opt = (kn_identify_options){.subcommand = subcommand, .curve.subcommand = subcommand, .compliance_m_n = NAN};
     opt->file = calloc((size_t)argc, sizeof *opt->file);
-    if (!opt->file) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
+    opt->held = calloc((size_t)argc, sizeof *opt->held);
+    if (!opt->file || !opt->held) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
     const int code = kn_options_read(&table, opt, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     for (int i = optind; i < argc; i++) opt->file[opt->files++] = argv[i];
     if (opt->files == 0)
         return kn_complain(subcommand, KN_EXIT_USAGE, "expected a file of readings, CSV; --help lists its columns");
+    for (int i = 0; i < opt->helds; i++) opt->file[opt->files++] = opt->held[i];
     return keep_apart(opt);
 }
 
-static void free_options(kn_identify_options *opt) { free(opt->file); }
+static void free_options(kn_identify_options *opt)
+{
+    free(opt->file);
+    free(opt->held);
+}
 
 // ---- functions that all experiments share
 
@@ -251,6 +262,8 @@ static int run(const kn_identify_experiment *e, int argc, char **argv)
     kn_model_comparison_free(&w->models);
     kn_relaxation_fit_free(&w->relax);
     for (int k = 0; k < w->curves; k++) kn_curve_free(&w->curve[k]);
+    kn_press_fit_free(&w->press);
+    for (int k = 0; k <= KN_CURVES_MAX; k++) kn_scene_destroy(w->scene[k]);
     free_options(&w->opt);
     free(w);
     return code;
@@ -264,6 +277,7 @@ static const struct {
     const kn_identify_experiment *experiment;
 } experiments[] = {
     {"creep", "creep under one or several loads: find k1, c1 and the damper, with intervals", &kn_identify_creep},
+    {"press", "force and depth of presses with a tool: find the material of a lattice", &kn_identify_press},
     {"relax", "stress relaxation at a held strain: find k1, c1 and the damper, and compare models", &kn_identify_relax},
     {"shape", "range image and force of a pressed lump: find structure, inside pressure, stress area", NULL},
     {"sweep", "storage and loss modulus over frequency: find the springs and dampers that the data support",
@@ -290,9 +304,13 @@ int kn_identify_main(int argc, char **argv)
         if (strcmp(argv[1], experiments[i].name) != 0) continue;
         char full[40]; // argv[0] of the experiment; getopt prints this name in front of its messages
         snprintf(full, sizeof full, "knead identify %s", experiments[i].name);
+        char *const given = argv[1];
         argv[1] = full;
-        return experiments[i].experiment ? run(experiments[i].experiment, argc - 1, argv + 1)
-                                         : kn_identify_shape_main(argc - 1, argv + 1);
+        const int code = experiments[i].experiment ? run(experiments[i].experiment, argc - 1, argv + 1)
+                                                   : kn_identify_shape_main(argc - 1, argv + 1);
+        argv[1] = given; // whoever owns the arguments may free them
+        return code;
     }
-    return kn_complain("identify", KN_EXIT_USAGE, "expected creep, relax, sweep or shape; see knead identify --help");
+    return kn_complain("identify", KN_EXIT_USAGE,
+                       "expected creep, press, relax, sweep or shape; see knead identify --help");
 }

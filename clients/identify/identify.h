@@ -1,19 +1,21 @@
 #ifndef KN_CLIENTS_IDENTIFY_IDENTIFY_H
 #define KN_CLIENTS_IDENTIFY_IDENTIFY_H
-// The steps that `knead identify creep`, `relax` and `sweep` share: read options and curves, fit, print results, and
+// The steps that `knead identify creep`, `press`, `relax` and `sweep` share: read options and curves, fit, print results, and
 // write the files (table, plot, page, material). identify.c runs this sequence. Each experiment supplies the steps that
 // differ.
 #include "clients/report/report_page.h"
 #include "clients/identify/creep_fit.h"
 #include "clients/identify/model_comparison.h"
+#include "clients/identify/press_fit.h"
 #include "clients/identify/relaxation_fit.h"
 #include "clients/identify/served_lattice.h"
 #include "core/network.h"
+#include "core/scene/scene.h"
 #include "server/option_table.h"
 
 // ---- the options
 //
-// Options of `knead identify creep`, `relax` and `sweep`. One table holds the options of all three experiments. Each
+// Options of `knead identify creep`, `press`, `relax` and `sweep`. One table holds the options of all experiments. Each
 // option lists the experiments that accept it.
 
 typedef struct kn_identify_options {
@@ -24,7 +26,11 @@ typedef struct kn_identify_options {
     double density_kg_m3; // density of the material; 0: not given
     char serve;       // creep: structure 'a', 'b' or 'c' of the lattice to which the material is fitted, too; 0: none
     double spacing_m; // creep: spacing of that lattice; 0: not given
-    bool anyway;      // creep: write the scene of a lattice that does not follow the curves
+    bool anyway;      // creep, press: write the scene of a lattice that does not follow the curves
+    const char *tool, *object; // press: the tool and the scene of the object
+    const char **held;         // press: paths of presses that are only predicted; these files are also the last ones of
+    int helds;                 // file[]
+    double compliance_m_n;     // press: compliance of frame and gauge; NAN: not given
     const char *out, *png, *csv, *report;
     bool no_models;      // option --no-models: do not compare the result with other material models
     bool late;           // creep: also fit the times at which the loads were applied and removed
@@ -100,15 +106,17 @@ typedef struct kn_identification {
     kn_identify_options opt;
     kn_curve curve[KN_CURVES_MAX];
     int curves;
-    kn_creep_fit creep;         // creep: the fit
-    kn_relaxation_fit relax;    // relax: the fit
-    kn_sweep_fit sweep;         // sweep: the fits of all elements
-    double modulus_scale;       // sweep: factor on the measured moduli (3 for shear moduli, otherwise 1)
-    double took_s;              // creep: duration of the fit [s]
-    bool served;                // creep: a scene accepts the material
-    kn_served_lattice lattice;  // creep: with --serve, the material of a lattice
-    kn_model_comparison models; // comparison with other material models
-    bool compared;              // whether other models were compared
+    kn_creep_fit creep;                 // creep: the fit
+    kn_relaxation_fit relax;            // relax: the fit
+    kn_sweep_fit sweep;                 // sweep: the fits of all elements
+    double modulus_scale;               // sweep: factor on the measured moduli (3 for shear moduli, otherwise 1)
+    double took_s;                      // creep: duration of the fit [s]
+    bool served;                        // creep: a scene accepts the material
+    kn_served_lattice lattice;          // creep: with --serve, the material of a lattice
+    kn_press_fit press;                 // press: the fit
+    kn_scene *scene[1 + KN_CURVES_MAX]; // press: the object and the tools
+    kn_model_comparison models;         // comparison with other material models
+    bool compared;                      // whether other models were compared
     int notes;
     char note[KN_IDENTIFY_NOTES][400]; // notes on what is doubtful, as sentences
 } kn_identification;
@@ -116,7 +124,7 @@ typedef struct kn_identification {
 // Functions that return int return 0, or print an error and return an exit code.
 typedef struct kn_identify_experiment {
     const char *subcommand, *title, *help; // title: heading of the page; help: text of --help
-    char letter;                           // letter of the experiment in the table of options: c, r or s
+    char letter;                           // letter of the experiment in the table of options: c, p, r or s
     kn_curve_kind kind;
     int (*fit)(kn_identification *w);
     void (*tell)(kn_identification *w); // print the results, and add them to the JSON output
@@ -128,11 +136,14 @@ typedef struct kn_identify_experiment {
     int (*write_material)(const kn_identification *w, const char *path);
 } kn_identify_experiment;
 
-extern const kn_identify_experiment kn_identify_creep, kn_identify_relax, kn_identify_sweep;
+extern const kn_identify_experiment kn_identify_creep, kn_identify_press, kn_identify_relax, kn_identify_sweep;
 int kn_identify_shape_main(int argc, char **argv);
 
 // Add a note on the results: print the note, and store it for the page and for --json.
 __attribute__((format(printf, 2, 3))) void kn_identify_note(kn_identification *w, const char *format, ...);
+
+// A lattice that is off by more than this share of the largest value does not follow the measurement.
+#define KN_IDENTIFY_FOLLOWS 0.15
 
 // Fit other models to the same curves. Print the comparison and add it to the JSON output. If the comparison is not
 // possible, return false with one sentence in `error`. With --no-models do nothing and return true.

@@ -4,8 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-// step of the difference quotients, in the logarithm of an unknown; suitable for models that are accurate to about 1e-8
-static const double step_log = 1e-5;
+// step of the difference quotients, in the logarithm of an unknown: for models that are accurate to about 1e-8, and for
+// coarse ones
+static const double step_log = 1e-5, step_coarse = 1e-2;
 // wall of each bound: if the logarithm of an unknown lies beyond a bound by x, an extra residual wall * x pushes the
 // search back
 static const double wall = 1e3;
@@ -67,7 +68,8 @@ static double squares(const double *residual, int count)
 static bool column(search *s, const double *x, const double *here, int k, bool both, double *out)
 {
     const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
-    double at[KN_FIT_UNKNOWNS], h = u->linear ? step_log * (u->high - u->low) : step_log;
+    double at[KN_FIT_UNKNOWNS], h = s->fit->coarse ? step_coarse : step_log;
+    if (u->linear) h *= u->high - u->low;
     memcpy(at, x, (size_t)s->count * sizeof *x);
     at[k] = x[k] + h;
     bool ahead = at[k] <= highest(u) && residuals_at(s, at, s->ahead), behind = false;
@@ -137,8 +139,9 @@ static bool search_open(search *s, kn_fit *fit)
 }
 
 // Search for the minimum nearest to the present values of the unknowns. Set the unknowns to the values at the minimum
-// and return the sum of squares there. Return INFINITY if there is no solution.
-static double descend(kn_fit *fit)
+// and return the sum of squares there. Return INFINITY if there is no solution. The search ends when a step lowers the sum
+// by less than the share `enough`.
+static double descend_to(kn_fit *fit, double enough)
 {
     search s;
     int ipvt[KN_FIT_UNKNOWNS], nfev, njev;
@@ -147,8 +150,9 @@ static double descend(kn_fit *fit)
         // scale 1 for every unknown, since the search's variables are logarithms
         for (int k = 0; k < s.count; k++) small[0][k] = 1;
         if (s.count > 0)
-            lmder(minpack_asks, &s, s.rows, s.count, s.x, s.residual, s.jacobian, s.rows, 1e-10, 1e-8, 1e-12, 200,
-                  small[0], 2, 1, 0, &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], s.spare);
+            lmder(minpack_asks, &s, s.rows, s.count, s.x, s.residual, s.jacobian, s.rows, enough,
+                  fit->coarse ? 1e-3 : 1e-8, 1e-12, fit->coarse ? 40 : 200, small[0], 2, fit->coarse ? 0.05 : 1, 0,
+                  &nfev, &njev, ipvt, small[1], small[2], small[3], small[4], s.spare);
         // Put the result within the bounds, note which bounds were reached, and compute the sum of squares there.
         values_at(&s, s.x, value);
         for (int i = 0; i < fit->unknowns; i++) fit->unknown[i].value = value[i];
@@ -162,6 +166,8 @@ static double descend(kn_fit *fit)
     free(s.residual);
     return sum;
 }
+
+static double descend(kn_fit *fit) { return descend_to(fit, fit->coarse ? 1e-4 : 1e-10); }
 
 // Invert a symmetric matrix in place by its Cholesky factor. Return false if the matrix is not positive definite. A
 // pivot below 1e-12 of its diagonal element counts as 0, since rounding errors are that large.
@@ -197,12 +203,16 @@ static bool curve(kn_fit *fit)
     double normal[KN_FIT_UNKNOWNS][KN_FIT_UNKNOWNS];
     int seen[KN_FIT_UNKNOWNS], count = 0;
     memset(fit->covariance, 0, sizeof fit->covariance);
+    if (fit->jacobian) memset(fit->jacobian, 0, (size_t)fit->unknowns * (size_t)fit->readings * sizeof *fit->jacobian);
     const bool ok = search_open(&s, fit);
     const size_t rows = (size_t)s.rows;
     // Collect the columns of the unknowns that change the residuals.
     for (int k = 0; ok && k < s.count; k++) {
         double *out = s.jacobian + rows * (size_t)count;
         bool moves = column(&s, s.x, s.residual, k, true, out) && squares(out, fit->readings) > 0;
+        if (moves && fit->jacobian)
+            memcpy(fit->jacobian + (size_t)s.number[k] * (size_t)fit->readings, out,
+                   (size_t)fit->readings * sizeof *out);
         if (moves) seen[count++] = k;
         else fit->covariance[s.number[k]][s.number[k]] = INFINITY;
     }
@@ -234,6 +244,8 @@ static bool finish(kn_fit *fit, double sum)
 }
 
 bool kn_fit_run(kn_fit *fit) { return finish(fit, descend(fit)); }
+
+bool kn_fit_search(kn_fit *fit) { return isfinite(fit->sum = descend_to(fit, 1e-2)); }
 
 void kn_fit_values(const kn_fit *fit, double value[KN_FIT_UNKNOWNS])
 {

@@ -45,6 +45,10 @@ typedef struct kn_fit {
     // Return false if the model has no solution for these values.
     bool (*misfit)(void *of, const double value[KN_FIT_UNKNOWNS], double *residual);
     void *of; // passed to misfit
+    // True: the residuals are accurate to about 1e-4, as those of a lattice are, not to 1e-8. Difference quotients then
+    // take steps of 1 %, and the search ends when a step lowers S by less than 0.01 %.
+    bool coarse;
+    double *jacobian; // [unknowns][readings] receives J at the best values; the rows of fixed unknowns are 0; or NULL
     // kn_fit_run sets the following fields.
     double sum;   // sum of squares S at the best values
     double scale; // scale s of the residuals; INFINITY if there are no degrees of freedom
@@ -59,6 +63,8 @@ typedef struct kn_fit {
 // Search for the best values near the present values of the unknowns. Return false if memory runs out, or if the model
 // has no solution at the start.
 bool kn_fit_run(kn_fit *fit);
+// Search roughly, for a better start: the search ends when a step lowers S by less than 1 %. Only `sum` is set.
+bool kn_fit_search(kn_fit *fit);
 
 // Run the fit from several starts and keep the best result. Each start holds the values of all unknowns. Return false
 // if no start succeeds.

@@ -530,6 +530,62 @@ static int load_sweep(kn_curve_file *f)
     return kn_curve_finish(f, c, 0, NULL);
 }
 
+// ---- presses: force and depth of a tool over time
+
+// Turn a height into a depth, and make the depth rise while the force does.
+static void to_depth(const kn_curve_file *f, kn_curve *c, kn_column_quantity what)
+{
+    const double first = c->other[0];
+    int peak = 0;
+    for (int i = 0; i < c->count; i++)
+        if (c->value[i] > c->value[peak]) peak = i;
+    const bool falls = c->other[peak] < first;
+    for (int i = 0; i < c->count && falls; i++) c->other[i] = what == KN_HEIGHT ? first - c->other[i] : -c->other[i];
+    if (falls && what != KN_HEIGHT)
+        kn_curve_say(f, "the displacement falls as the force rises: its sign is changed, downwards is positive");
+}
+
+static int load_press(kn_curve_file *f)
+{
+    static const kn_column_quantity depths[] = {KN_DISPLACEMENT, KN_HEIGHT};
+    kn_table_reader *s = &f->table;
+    kn_column_quantity what = KN_DISPLACEMENT;
+    kn_curve *c = NULL;
+    int code = KN_EXIT_OK, load = -1, depth = -1;
+    const int time = kn_column_find(s, KN_TIME, &code);
+    if (code == KN_EXIT_OK) load = kn_column_find(s, KN_LOAD, &code);
+    if (code == KN_EXIT_OK) depth = kn_column_find_first(s, 2, depths, &what, &code);
+    if (code != KN_EXIT_OK) return code;
+    if (time < 0 || load < 0 || depth < 0)
+        return kn_curve_refuse(f, 0, -1,
+                               "no column of %s, expected time, force and depth, e.g. 'time_s,force_N,depth_mm'",
+                               time < 0   ? "time"
+                               : load < 0 ? "force"
+                                          : "depth");
+    code = kn_curve_read(f, 3, (int[]){time, load, depth});
+    if (code != KN_EXIT_OK) return code;
+    const int end = kn_curve_range_end(s, time, 0);
+    if (end < s->rows) return kn_curve_refuse(f, s->line[end], time, "time restarts, expected one press per file");
+    code = kn_curve_add(f, "", false, (kn_curve_rows){0, s->rows, time, load, depth, -1}, &c);
+    if (code == KN_EXIT_OK) code = kn_curve_order(f, c, "the force");
+    if (code != KN_EXIT_OK) return code;
+    kn_curve_upright(f, c->count, c->value, "the force");
+    to_depth(f, c, what);
+    for (int n = 0; n < s->notes; n++)
+        if (!strcmp(s->note[n].key, "tool")) snprintf(c->tool, sizeof c->tool, "%s", s->note[n].value);
+    // The tool turns where it reaches its deepest place and where it leaves it.
+    double low = c->other[0], high = low, turn_s[2];
+    for (int i = 0; i < c->count; i++) low = fmin(low, c->other[i]), high = fmax(high, c->other[i]);
+    int first = 0, last = c->count - 1;
+    while (c->other[first] < high - 0.01 * (high - low)) first++;
+    while (c->other[last] < high - 0.01 * (high - low)) last--;
+    turn_s[0] = c->time_s[first], turn_s[1] = c->time_s[last];
+    kn_curve_say(f, "%s: %d readings in %.4g s, force up to %.4g N, depth from %.4g to %.4g mm", c->name, c->count,
+                 c->time_s[c->count - 1] - c->time_s[0], kn_curve_largest(c), 1e3 * low, 1e3 * high);
+    if (!(high > low)) return kn_curve_refuse(f, c->line[0], depth, "the depth never changes, expected a press");
+    return kn_curve_finish(f, c, turn_s[1] > turn_s[0] ? 2 : 1, turn_s);
+}
+
 // ---- loading one file
 
 static int bad_note(const kn_curve_file *f, const char *key)
@@ -580,7 +636,7 @@ int kn_curve_read(kn_curve_file *f, int count, const int wanted[])
 int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind, const char *file,
                   const kn_curve_options *options)
 {
-    static int (*const load[])(kn_curve_file * f) = {kn_curve_load_creep, load_relax, load_sweep};
+    static int (*const load[])(kn_curve_file * f) = {kn_curve_load_creep, load_relax, load_sweep, load_press};
     kn_curve_file *f = malloc(sizeof *f);
     if (!f) return kn_complain(options->subcommand, KN_EXIT_DEVICE, "%s: out of memory", file);
     // Open the table and let the loader for this kind of curve read it.

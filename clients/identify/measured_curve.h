@@ -11,6 +11,7 @@
 //     relax   Columns: time, and one of stress, load or modulus. Optional: one of strain, displacement or height
 //     sweep   Columns: frequency (Hz or rad/s), and storage and loss modulus. Instead of the two moduli: the absolute
 //             modulus, and tan delta or the phase angle
+//     press   Columns: time, force, and depth or height of a tool that presses an object. The note tool names the tool
 //
 // Notes are lines "# key: value" anywhere in a file. The keys are load, stress, height, area, strain, release (the time
 // at which the load was removed), begin (creep: the time at which the load was applied; relax: the time at which the
@@ -38,7 +39,8 @@ typedef enum kn_curve_kind {
     // value[] holds the stress [Pa], or the modulus [Pa] if the strain is unknown. other[] holds the strain; if other
     // is NULL, the strain is the constant `strain`
     KN_CURVE_RELAX,
-    KN_CURVE_SWEEP // value[] holds G' and other[] holds G'' [Pa]; time_s[] holds the frequency [Hz]
+    KN_CURVE_SWEEP, // value[] holds G' and other[] holds G'' [Pa]; time_s[] holds the frequency [Hz]
+    KN_CURVE_PRESS // value[] holds the force [N] and other[] the depth [m] of a tool, from any zero, downwards positive
 } kn_curve_kind;
 
 typedef struct kn_curve_step { // a load that acts from time_s until the next step
@@ -75,8 +77,9 @@ typedef struct kn_curve {
     bool constant_area;                 // true: the stress is the nominal stress W/S0; false: it is W/S0 (1 - strain)
     double height_m, area_m2;           // size of the specimen; 0: unknown, since the file gives strain and stress
     // the next fields are for relaxation curves only
-    double strain;  // the strain that is held; 0: the strain is unknown, and value[] holds a modulus
-    double begin_s; // time at which the held strain was reached; 0 if time is counted from that moment
+    double strain;            // the strain that is held; 0: the strain is unknown, and value[] holds a modulus
+    double begin_s;           // time at which the held strain was reached; 0 if time is counted from that moment
+    char tool[KN_CURVE_NAME]; // press: value of the note tool; "" if the file has none
 } kn_curve;
 
 // Options that apply to all files. 0 or NULL means that an option is not given. A note in the file must then give the

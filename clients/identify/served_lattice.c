@@ -120,8 +120,7 @@ static kn_material within_tables(kn_material material)
     return material;
 }
 
-// The unknowns are k1, c1, alpha, beta, P0, and P1 - P0, so that P1 stays above P0; with a constant damper k1, c1, c2.
-static kn_material material_of(const double value[KN_FIT_UNKNOWNS], bool constant)
+kn_material kn_lattice_material(const double value[KN_FIT_UNKNOWNS], bool constant)
 {
     if (constant)
         return (kn_material){.k1_pa = value[KN_ESTIMATE_K1],
@@ -149,7 +148,7 @@ static void residuals(const search *s, const double *strain, double *residual)
 static bool misfit_block(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
     const search *s = of;
-    const kn_material material = material_of(value, s->constant);
+    const kn_material material = kn_lattice_material(value, s->constant);
     double *strain = s->strain;
     for (int k = 0; k < s->curves; strain += s->curve[k++].count) {
         const kn_curve *c = &s->curve[k];
@@ -224,7 +223,7 @@ static double mean_square(int count, const double *x)
 #define WIDEST 1.5
 #define ALPHA_MOST 1e12 // Pa s: the largest c2 and a plausible alpha of a scene
 
-static void set_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
+void kn_lattice_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
 {
     const bool constant = m->damper == KN_DAMPER_CONSTANT;
     const double start[KN_ESTIMATE_NUMBERS] = {m->k1_pa,
@@ -235,7 +234,7 @@ static void set_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
                                                constant ? 1 : m->p1_pa - m->p0_pa};
     fit->unknowns = KN_ESTIMATE_NUMBERS;
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++)
-        fit->unknown[i] = (kn_fit_unknown){.name = kn_estimate_name[i],
+        fit->unknown[i] = (kn_fit_unknown){.name = constant && i == KN_ESTIMATE_ALPHA ? "c2" : kn_estimate_name[i],
                                            .unit = kn_estimate_unit[i],
                                            .value = start[i],
                                            .low = 1e-3 * start[i],
@@ -245,13 +244,11 @@ static void set_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
     fit->unknown[KN_ESTIMATE_ALPHA].value = fmin(fit->unknown[KN_ESTIMATE_ALPHA].value, 0.5 * ALPHA_MOST);
     if (constant) return;
     kn_fit_unknown *p1 = &fit->unknown[KN_ESTIMATE_P1];
-    p1->high = fmax(WIDEST * highest_pa, 2 * p1->low);
+    if (highest_pa > 0) p1->high = fmax(WIDEST * highest_pa, 2 * p1->low);
     p1->value = fmin(p1->value, 0.9 * p1->high);
 }
 
-// Run the fit. If some combination of the parameters does not change the block's curves, hold P1; if that is not enough,
-// hold P0 too.
-static bool run_fit(kn_fit *fit)
+bool kn_lattice_fit(kn_fit *fit)
 {
     bool good = kn_fit_run(fit);
     for (int i = KN_ESTIMATE_P1; good && fit->singular && i >= KN_ESTIMATE_P0; i--) {
@@ -261,18 +258,19 @@ static bool run_fit(kn_fit *fit)
     return good;
 }
 
-// Store the parameters with their intervals. `constant`: the parameters of a force-dependent damper stay the element's.
-static void finish(kn_served_lattice *served, const kn_fit *fit, bool constant)
+void kn_lattice_numbers(kn_parameter_estimate number[KN_ESTIMATE_NUMBERS], const kn_fit *fit,
+                        const kn_material *material, const kn_fit_interval *given)
 {
+    const bool constant = material->damper == KN_DAMPER_CONSTANT;
     for (int i = 0; i < (constant ? KN_ESTIMATE_BETA : KN_ESTIMATE_NUMBERS); i++) {
         const kn_fit_unknown *u = &fit->unknown[i];
-        kn_parameter_estimate *n = &served->number[i];
+        kn_parameter_estimate *n = &number[i];
         kn_fit_interval interval = {KN_FIT_CURVATURE, u->low, u->high, true, true};
-        if (!u->fixed) interval = kn_fit_interval_by(fit, i, 0.95, KN_FIT_CURVATURE);
+        if (!u->fixed) interval = given ? given[i] : kn_fit_interval_by(fit, i, 0.95, KN_FIT_CURVATURE);
         const double more = i == KN_ESTIMATE_P1 ? fit->unknown[KN_ESTIMATE_P0].value : 0;
-        const double value = i == KN_ESTIMATE_P1 ? served->material.p1_pa : u->value;
+        const double value = i == KN_ESTIMATE_P1 ? material->p1_pa : u->value;
         interval.low += more, interval.high += more;
-        kn_parameter_estimate_set(n, n->name, n->unit, value, interval);
+        kn_parameter_estimate_set(n, u->name, u->unit, value, interval);
         const bool lowered = value < 0.999 * (u->value + more);
         if (lowered) n->known = KN_UNKNOWN;
         if (n->known == KN_UNKNOWN)
@@ -292,14 +290,14 @@ static bool improve(kn_served_lattice *served, search *s, kn_fit *fit, kn_progre
     kn_fit_unknown bound[KN_FIT_UNKNOWNS];
     kn_fit next;
     fit->misfit = misfit_block;
-    set_unknowns(fit, &served->material, s->highest_pa);
+    kn_lattice_unknowns(fit, &served->material, s->highest_pa);
     if (!kn_fit_run(fit)) return false;
     memcpy(bound, fit->unknown, sizeof bound);
     next = *fit;
     for (int run = 0; run < RUNS; run++) {
         kn_progress_step(bar, run + 1);
         kn_fit_values(&next, value);
-        const kn_material material = material_of(value, s->constant);
+        const kn_material material = kn_lattice_material(value, s->constant);
         if (!run_lattice(s, &material, left)) break;
         const double now = mean_square(s->curves, left), before = best;
         if (now < best) {
@@ -310,7 +308,7 @@ static bool improve(kn_served_lattice *served, search *s, kn_fit *fit, kn_progre
             served->material = material;
             memcpy(served->left, left, sizeof left);
             served->rounds = run + 1;
-            finish(served, fit, s->constant);
+            kn_lattice_numbers(served->number, fit, &served->material, NULL);
             if (now > enough * before) break;
             double *lattice = s->strain;
             s->strain = s->spare, s->spare = lattice;
@@ -326,7 +324,7 @@ static bool improve(kn_served_lattice *served, search *s, kn_fit *fit, kn_progre
             next.unknown[i].high = fmin(bound[i].high, next.unknown[i].value * reach);
             next.unknown[i].fixed = bound[i].fixed;
         }
-        if (!run_fit(&next)) break;
+        if (!kn_lattice_fit(&next)) break;
     }
     return served->rounds > 0;
 }

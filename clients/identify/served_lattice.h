@@ -14,6 +14,24 @@
 #include "clients/identify/affine_block.h"
 #include "clients/identify/creep_fit.h"
 
+// ---- the unknowns of a lattice's material
+//
+// The first KN_ESTIMATE_NUMBERS unknowns of a fit are k1, c1, alpha, beta, P0, and P1 - P0, so that P1 stays above P0. With
+// a constant damper they are k1, c1, c2, and three fixed ones.
+
+// Return the material with these unknowns. P1 is lowered if need be, so that kneadd and the circuit can step the damper.
+kn_material kn_lattice_material(const double value[KN_FIT_UNKNOWNS], bool constant);
+// Set the unknowns to a material. P1 is bounded by the largest stress in the curves.
+void kn_lattice_unknowns(kn_fit *fit, const kn_material *material, double highest_pa);
+// Run the fit. If some combination of the unknowns does not change the curves, hold P1; if that is not enough, hold P0 too.
+bool kn_lattice_fit(kn_fit *fit);
+// Store the parameters with their 95 % intervals: interval[], or by curvature if it is NULL. `material`: that of the best
+// values. With a constant damper, the parameters of a force-dependent one are left as they are.
+void kn_lattice_numbers(kn_parameter_estimate number[KN_ESTIMATE_NUMBERS], const kn_fit *fit,
+                        const kn_material *material, const kn_fit_interval *interval);
+
+// ---- a lattice that creeps as the specimen did
+
 #define KN_SERVED_CELLS_MAX 8 // along each side of the specimen
 
 typedef struct kn_served_lattice {

@@ -1,4 +1,4 @@
-// libFuzzer target: any bytes as a table of creep, relaxation or a sweep give curves that a fit accepts, or one line
+// libFuzzer target: any bytes as a table of creep, relaxation, a sweep or a press give curves that a fit accepts, or one line
 // of error.
 #include "clients/identify/measured_curve.h"
 #include "clients/cli/commands.h"
@@ -32,6 +32,7 @@ static void judge_curve(const kn_curve *c)
         require(!c->other || isfinite(c->other[i]));
         if (c->kind == KN_CURVE_SWEEP) require(c->time_s[i] > 0 && c->value[i] > 0 && c->other[i] > 0);
         if (c->kind == KN_CURVE_CREEP) require(c->time_s[i] >= 0);
+        if (c->kind == KN_CURVE_PRESS) require(c->other);
     }
     if (c->kind == KN_CURVE_RELAX) require(c->strain >= 0 && c->strain < 1 && isfinite(c->begin_s));
     if (c->kind != KN_CURVE_CREEP) return;
@@ -72,7 +73,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     const char *file = memory_file(data, size);
-    for (kn_curve_kind k = KN_CURVE_CREEP; k <= KN_CURVE_SWEEP; k++) judge(k, file, NULL);
+    for (kn_curve_kind k = KN_CURVE_CREEP; k <= KN_CURVE_PRESS; k++) judge(k, file, NULL);
     judge(KN_CURVE_CREEP, file, "time=s,height=mm");
     return 0;
 }

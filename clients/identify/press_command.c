@@ -1,0 +1,385 @@
+// The command `knead identify press`: find the material of a lattice from presses with a tool.
+#include "clients/identify/identify.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/curve_table.h"
+#include "clients/cli/result.h"
+#include "clients/cli/yaml_patch.h"
+#include "core/hash.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Each line of the help text is one line here, so that it can be read as it is printed.
+// clang-format off
+static const char help[] =
+    "usage: knead identify press FILE... --object SCENE --tool TOOL [OPTION]...\n\n"
+    "Fit the material of a virtual object to presses with a tool: what a force gauge on a moving stage records.\n"
+    "The lattice of the scene is pressed as the real object was, until its force is the measured one.\n\n"
+    "    knead identify press slow.csv fast.csv --object block.yaml --tool ball.yaml --out mine.yaml\n"
+    "    knead identify press slow.csv --held fast.csv --object block.yaml --tool finger --png fit.png\n\n"
+    "A file is a table of time, force and depth of one press, with a name and a unit above each column.\n"
+    "It may include the withdrawal. The place of touch is fitted, so depth may count from anywhere.\n"
+    "The force is 0 without touch, and the tool presses in the middle of the object, straight down.\n\n"
+    "  --object SCENE         a scene with the pressed object: a block, its cells, structure and support\n"
+    "  --tool TOOL            the tool: the name of one of the scene's probes, or a file whose first probe it is:\n"
+    "                             probes:\n"
+    "                               - {name: ball, shape: sphere, radius: 1 cm}\n"
+    "                         a line '# tool: TOOL' in a file of readings names another tool for that press\n"
+    "  --held FILE            a press that is not fitted but predicted, to see what the fit is worth; may be repeated\n"
+    "  --compliance C         how far frame and gauge give way, e.g. '0.01 mm/N' or '0 mm/N' (default: fitted)\n"
+    "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,force=N,depth=mm\n"
+    "  --anyway               write the scene even if more than 15 % of a press's force is left\n"
+    "  --out FILE             the scene with the fitted material; its label says what is left\n"
+    "  --density D            density of the material (default: that of the scene)\n"
+    "  --report DIR           folder for a page, DIR/index.html, with all results, the plot and the scene\n"
+    "  --png FILE             plot of measured, fitted and predicted forces with their 95 % bands, by gnuplot\n"
+    "  --csv FILE             table of readings and fit\n"
+    "  --json                 print the results as JSON\n\n"
+    "The output gives the best parameters and their 95 % intervals. With one press they follow from the noise.\n"
+    "With several, which count as replicates, they follow from the spread between the presses.\n"
+    "A fit with --out that was killed goes on where it was, from FILE.fit, if it is started again.\n"
+    "Exit codes: 0 ok, 1 the lattice does not follow the presses, 2 bad input, 3 a file cannot be written.\n";
+// clang-format on
+
+// ---- object and tools
+
+// Read a text file. Return NULL with one line in `error` if this fails.
+static char *read_text(const char *path, char *error, size_t error_size)
+{
+    char *text = NULL, part[4096];
+    size_t size = 0, n;
+    FILE *f = fopen(path, "rb"), *to = f ? open_memstream(&text, &size) : NULL;
+    while (to && (n = fread(part, 1, sizeof part, f)) > 0) fwrite(part, 1, n, to);
+    const bool good = to && !ferror(f);
+    if (to) fclose(to);
+    if (f) fclose(f);
+    if (good) return text;
+    snprintf(error, error_size, "%s:1:1: cannot be read, expected a file with the tool", path);
+    free(text);
+    return NULL;
+}
+
+// Load the file of a tool. If it is not a whole scene, an object with the spacing of the pressed one is added to it.
+static kn_scene *load_tool(const char *path, const kn_scene *object, char *error, size_t error_size)
+{
+    char more[200], why[500];
+    size_t begin, end;
+    char *text = read_text(path, error, error_size);
+    if (!text) return NULL;
+    const double h = object->model.spacing_m;
+    snprintf(more, sizeof more, "\nversion: 1\nobject: {size: [%.9g m, %.9g m, %.9g m], spacing: %.9g m}\n", 4 * h,
+             4 * h, 4 * h, h);
+    const bool whole = !kn_yaml_patch_find(text, "object", &begin, &end, why, sizeof why) || end > begin;
+    char *all = NULL;
+    size_t size = 0;
+    FILE *f = open_memstream(&all, &size);
+    if (f)
+        fprintf(f, "%s%s%s", text, whole ? "" : more, whole ? "" : "material: dough\nsupport: bonded\ndevice: bench\n");
+    if (f) fclose(f);
+    kn_scene *scene = all ? kn_scene_parse(path, all, size, NULL, 0, why, sizeof why) : NULL;
+    int lines = 1, line = 0, skip = 0;
+    for (const char *c = text; *c; c++) lines += *c == '\n';
+    // a mistake that shows in the added lines, such as a tool too small for the cells, is one of the file
+    const char *place = !scene && strstr(why, path) == why ? why + strlen(path) : "";
+    const bool added = sscanf(place, ":%d:%*d: %n", &line, &skip) == 1 && skip > 0 && line > lines;
+    if (added) snprintf(error, error_size, "%s:1:1: %s", path, place + skip);
+    else snprintf(error, error_size, "%s", why);
+    free(all);
+    free(text);
+    if (!scene || scene->model.probe_count > 0) return scene;
+    snprintf(error, error_size, "%s:1:1: has no probe, expected the tool under the key probes", path);
+    kn_scene_destroy(scene);
+    return NULL;
+}
+
+// Find the tool of one press: a probe of the object's scene, or the first probe of a file.
+static int find_tool(kn_identification *w, int press, const char *name)
+{
+    char error[600];
+    const kn_scene *object = w->scene[0];
+    kn_press_record *p = &w->press.press[press];
+    for (int i = 0; i < press && !p->tool; i++) {
+        const char *other = *w->curve[i].tool ? w->curve[i].tool : w->opt.tool;
+        if (!strcmp(other, name)) p->tool = w->press.press[i].tool;
+    }
+    for (int i = 0; i < object->model.probe_count && !p->tool; i++)
+        if (!strcmp(object->model.probe[i].name, name)) p->tool = &object->model.probe[i];
+    if (p->tool) return KN_EXIT_OK;
+    if (!strpbrk(name, "./"))
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "--tool %s: %s has no such probe, expected one of its probes or a file", name,
+                           w->opt.object);
+    kn_scene *scene = w->scene[1 + press] = load_tool(name, object, error, sizeof error);
+    if (!scene) return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
+    p->tool = &scene->model.probe[0];
+    return KN_EXIT_OK;
+}
+
+static int load_object(kn_identification *w)
+{
+    char error[600];
+    const char *path = w->opt.object;
+    if (!path)
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "expected --object SCENE, the scene of the object that was pressed");
+    kn_scene *scene = w->scene[0] = kn_scene_load(path, NULL, 0, error, sizeof error);
+    if (!scene) return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
+    if (scene->model.mesh || scene->model.thickness_m > 0)
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s: the object is %s, expected a block", path,
+                           scene->model.mesh ? "a mesh" : "flat");
+    if (scene->model.solver.kind != KN_SOLVER_IMPLICIT)
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s:%d:%d: another solver, expected solver.kind: implicit",
+                           path, scene->solver_line, scene->solver_col);
+    return KN_EXIT_OK;
+}
+
+// ---- the fit
+
+static int fit(kn_identification *w)
+{
+    static char kept[PATH_MAX];
+    static kn_model_def object;
+    kn_press_fit *f = &w->press;
+    int code = load_object(w);
+    if (code != KN_EXIT_OK) return code;
+    object = w->scene[0]->model;
+    // A material whose damper does not depend on the stress says nothing about P0 and P1, so begin with the dough.
+    if (object.material.damper != KN_DAMPER_EXPONENTIAL) object.material = kn_model_def_default().material;
+    f->presses = w->curves, f->fitted = w->opt.files - w->opt.helds;
+    f->inputs = kn_hash_bytes(KN_HASH_SEED, w->scene[0]->text, strlen(w->scene[0]->text));
+    for (int k = 0; k < w->curves && code == KN_EXIT_OK; k++) {
+        const kn_curve *c = &w->curve[k];
+        const char *name = *c->tool ? c->tool : w->opt.tool;
+        f->press[k].curve = c;
+        if (!name)
+            return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                               "%s: pressed with what?, expected --tool or a line '# tool: NAME' in the file", c->file);
+        code = find_tool(w, k, name);
+        const double *const each[] = {c->time_s, c->value, c->other};
+        for (int i = 0; i < 3; i++) f->inputs = kn_hash_bytes(f->inputs, each[i], (size_t)c->count * sizeof **each);
+        if (code == KN_EXIT_OK) f->inputs = kn_hash_bytes(f->inputs, f->press[k].tool, offsetof(kn_probe_def, parts));
+    }
+    if (code != KN_EXIT_OK) return code;
+    f->subcommand = w->opt.subcommand, f->object = &object, f->compliance_m_n = w->opt.compliance_m_n;
+    f->inputs = kn_hash_bytes(f->inputs, &f->compliance_m_n, sizeof f->compliance_m_n);
+    snprintf(kept, sizeof kept, "%s%s", w->opt.out ? w->opt.out : "", w->opt.out ? ".fit" : "");
+    f->resume = kept;
+    code = kn_press_fit_run(f);
+    if (code == KN_EXIT_OK && *kept) remove(kept);
+    return code;
+}
+
+static double worst_left(const kn_press_fit *f)
+{
+    double worst = 0;
+    for (int k = 0; k < f->fitted; k++)
+        if (!(f->press[k].left <= worst)) worst = f->press[k].left; // not fmax, which would hide a NaN
+    return worst;
+}
+
+// ---- results
+
+static void doubt(kn_identification *w)
+{
+    const kn_press_fit *f = &w->press;
+    if (f->resumed) kn_identify_note(w, "the fit went on where an earlier one was interrupted");
+    if (!(worst_left(f) <= KN_IDENTIFY_FOLLOWS))
+        kn_identify_note(
+            w,
+            "this lattice cannot follow the presses: up to %.0f %% of the largest force are left; try another "
+            "structure of the object: gas in its cells, or other diagonals",
+            100 * worst_left(f));
+    for (int k = 0; k < f->presses; k++) {
+        const kn_press_record *p = &f->press[k];
+        if (p->pull_n_s > 0)
+            kn_identify_note(
+                w,
+                "%s: a pull of %.3g N s is left out, since the tool has no adhesion; expected adhesion of the "
+                "probe if the object sticks",
+                p->curve->name, p->pull_n_s);
+        if (k >= f->fitted && !(p->left <= KN_IDENTIFY_FOLLOWS))
+            kn_identify_note(w, "%s: the law does not predict this press: %.0f %% of its largest force are left",
+                             p->curve->name, 100 * p->left);
+    }
+    if (f->fitted == 1)
+        kn_identify_note(
+            w, "one press: the intervals cover noise only, not the differences between objects; press another");
+}
+
+// Describe how well presses are predicted that are not in the fit.
+static void predicted(const kn_press_fit *f, char *text, size_t size)
+{
+    int used = 0;
+    *text = 0;
+    for (int k = f->fitted; k < f->presses && used < (int)size - 120; k++)
+        used +=
+            snprintf(text + used, size - (size_t)used, "%s %s %.2g",
+                     k > f->fitted ? "," : "Predicted, not fitted:", f->press[k].curve->name, 100 * f->press[k].left);
+    for (int k = 0; k < f->fitted && f->fitted > 1 && used < (int)size - 120; k++)
+        used += snprintf(text + used, size - (size_t)used, "%s %.2g",
+                         k                        ? ","
+                         : f->presses > f->fitted ? ". Left out in turn:"
+                                                  : "Left out in turn and predicted:",
+                         100 * f->press[k].lone);
+    if (used == 0) snprintf(text, size, "No other press was predicted");
+}
+
+static void tell(kn_identification *w)
+{
+    const kn_press_fit *f = &w->press;
+    char text[400];
+    printf("\n%-7s %s\n", "", "best value and 95 % interval");
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_print_number(&f->number[i], 7, 44, "");
+    if (f->compliance.name) kn_identify_print_number(&f->compliance, 7, 44, "  frame and gauge give way");
+    printf("\n%-20s %12s %12s %16s\n", "press", "touch, mm", "left, %", "left out, %");
+    for (int k = 0; k < f->presses; k++) {
+        const kn_press_record *p = &f->press[k];
+        char lone[20] = "-";
+        if (k < f->fitted && !isnan(p->lone)) snprintf(lone, sizeof lone, "%.2g", 100 * p->lone);
+        printf("%-20s %12.4g %12.2g %16s%s\n", p->curve->name, 1e3 * p->touch_m, 100 * p->left, lone,
+               k < f->fitted ? "" : "   predicted, not fitted");
+        json_t *row = kn_result_add("presses");
+        kn_result_text(row, "name", p->curve->name);
+        kn_result_text(row, "tool", p->tool->name);
+        kn_result_number(row, "touch_m", p->touch_m);
+        kn_result_number(row, "left", p->left);
+        kn_result_number(row, "left_when_left_out", p->lone);
+        kn_result_number(row, "pull_left_out_n_s", p->pull_n_s);
+        kn_result_text(row, "role", k < f->fitted ? "fitted" : "predicted");
+    }
+    printf("left: rms difference of the forces, %% of the largest, as kneadd steps the lattice.\n"
+           "left out: the same for a fit without this press\n");
+    predicted(f, text, sizeof text);
+    printf("%s (rms, %% of the largest force)\nthe lattice was pressed %d times\n\n", text, f->runs);
+    doubt(w);
+    kn_identify_tell_numbers(KN_ESTIMATE_NUMBERS, f->number);
+    if (f->compliance.name) kn_identify_tell_numbers(1, &f->compliance);
+}
+
+static bool csv_rows(const kn_identification *w, FILE *out)
+{
+    for (int k = 0; k < w->press.presses; k++) {
+        const kn_press_record *p = &w->press.press[k];
+        const kn_curve *c = p->curve;
+        for (int i = 0; i < c->count; i++) {
+            kn_table_text(c->name, out);
+            fprintf(out, ",%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], c->other[i], c->value[i], p->model_n[i],
+                    p->band_n[i], c->weight[i]);
+        }
+    }
+    return true;
+}
+
+static int draw(kn_identification *w, const char *path)
+{
+    static kn_figure_panel p[2];
+    const kn_press_fit *f = &w->press;
+    int all = 0;
+    for (int k = 0; k < f->presses; k++) all += f->press[k].curve->count;
+    double *edge = calloc(2 * (size_t)all, sizeof *edge), *at = edge;
+    if (!edge) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "out of memory");
+    p[0] = (kn_figure_panel){.title = "force over time, with 95 % band", .x_label = "time, s", .y_label = "force, N"};
+    p[1] = (kn_figure_panel){.title = "force over depth", .x_label = "depth reading, mm", .y_label = "force, N"};
+    for (int k = 0; k < f->presses; k++) {
+        const kn_press_record *r = &f->press[k];
+        const kn_curve *c = r->curve;
+        const kn_figure_look look = k < f->fitted ? KN_FIGURE_LINE : KN_FIGURE_DASHES;
+        for (int i = 0; i < c->count; i++)
+            at[i] = r->model_n[i] - r->band_n[i], at[c->count + i] = r->model_n[i] + r->band_n[i];
+        for (int q = 0; q < 2; q++) {
+            const double *x = q ? c->other : c->time_s, scale = q ? 1e3 : 1;
+            kn_figure_add(&p[q], (kn_figure_series){c->name, c->count, x, c->value, scale, 1, KN_FIGURE_POINTS, k + 1});
+            kn_figure_add(&p[q], (kn_figure_series){k < f->fitted ? "fitted" : "predicted", c->count, x, r->model_n,
+                                                    scale, 1, look, k ? k + 1 : 0});
+        }
+        for (int q = 0; q < 2; q++)
+            kn_figure_add(
+                &p[0], (kn_figure_series){NULL, c->count, c->time_s, at + q * c->count, 1, 1, KN_FIGURE_DASHES, k + 1});
+        at += 2 * c->count;
+    }
+    const int code = kn_figure_draw(w->opt.subcommand, path, "presses, and the lattice", p, 2, 2);
+    free(edge);
+    return code;
+}
+
+// Write the object's scene with the fitted material, its tool and its label.
+static int write_scene(const kn_identification *w, const char *path)
+{
+    const kn_press_fit *f = &w->press;
+    char origin[600], source[KN_SOURCE_MAX], told[400], label[1400], error[300];
+    kn_material_source(w->opt.file[0], f->fitted, source);
+    if (!(worst_left(f) <= KN_IDENTIFY_FOLLOWS) && !w->opt.anyway)
+        return kn_complain(
+            w->opt.subcommand, KN_EXIT_FAILED,
+            "--out %s: not written, the lattice leaves up to %.0f %% of the largest force; expected another "
+            "structure, or --anyway",
+            path, 100 * worst_left(f));
+    predicted(f, told, sizeof told);
+    int used =
+        snprintf(label, sizeof label,
+                 "label: >-\n  fitted to presses with %s, %s: cells of %.3g mm. Left on the forces, rms, in %% of the "
+                 "largest:",
+                 f->press[0].tool->name, source, 1e3 * f->object->spacing_m);
+    for (int k = 0; k < f->fitted && k < 12; k++)
+        used += snprintf(label + used, sizeof label - (size_t)used, "%s %.2g", k ? "," : "", 100 * f->press[k].left);
+    snprintf(label + used, sizeof label - (size_t)used, "%s. %s.\n",
+             !(worst_left(f) <= KN_IDENTIFY_FOLLOWS) ? ": too much" : "", told);
+    snprintf(origin, sizeof origin, "press from %s: %d press%s.", source, f->fitted, f->fitted > 1 ? "es" : "");
+    // Replace the label, drop the material and its density, and add the tool if it came from a file.
+    const kn_scene *tool = w->scene[1];
+    char *text = strdup(w->scene[0]->text), *probes = NULL;
+    size_t begin = 0, end = 0;
+    if (tool && kn_yaml_patch_find(tool->text, "probes", &begin, &end, error, sizeof error))
+        probes = strndup(tool->text + begin, end - begin);
+    const char *const patch[][2] = {{"label", label}, {"material", ""}, {"density", ""}, {"probes", probes}};
+    for (int i = 0; i < 4 && text; i++) {
+        if (!patch[i][1]) continue;
+        char *next = kn_yaml_patch(text, patch[i][0], patch[i][1], error, sizeof error);
+        free(text);
+        text = next;
+    }
+    free(probes);
+    if (!text) return kn_complain(w->opt.subcommand, KN_EXIT_INTERNAL, "%s: %s", path, error);
+    const double density = w->opt.density_kg_m3 > 0 ? w->opt.density_kg_m3 : f->object->density_kg_m3;
+    const int code = kn_material_file_write(w->opt.subcommand, path, origin, text, &f->material, density,
+                                            KN_ESTIMATE_NUMBERS, f->number);
+    free(text);
+    return code;
+}
+
+static int report(kn_identification *w, kn_document *d)
+{
+    char path[PATH_MAX], text[400];
+    const kn_press_fit *f = &w->press;
+    kn_document_section(d, "The material");
+    kn_document_table(d, "Parameters of the lattice's edges", "lrl", "parameter\tbest value and 95 % interval\tremark");
+    for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_page_number(d, &f->number[i]);
+    if (f->compliance.name) kn_identify_page_number(d, &f->compliance);
+    kn_document_table(d, "Presses: what is left, in % of the largest force", "lrr",
+                      "press\tfitted, or predicted\tleft out of the fit");
+    for (int k = 0; k < f->presses; k++)
+        kn_document_row(d, "%s%s\t%.2g\t%.2g", f->press[k].curve->name, k < f->fitted ? "" : " (predicted)",
+                        100 * f->press[k].left, 100 * f->press[k].lone);
+    predicted(f, text, sizeof text);
+    kn_document_text(d, "%s.", text);
+    for (int i = 0; i < w->notes; i++) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", w->note[i]);
+    const int code = draw(w, kn_document_file(d, "fit.png", path));
+    if (code != KN_EXIT_OK) return code;
+    kn_document_picture(d, "fit.png", "Force over time and over depth of every press, with the force of the lattice",
+                        "Points: measured. Lines: fitted. Dashes: predicted, and the 95 % bands.");
+    return kn_identify_page_files(w, d, "readings.csv", "readings and fit", worst_left(f) <= KN_IDENTIFY_FOLLOWS);
+}
+
+const kn_identify_experiment kn_identify_press = {.subcommand = "identify press",
+                                                  .title = "Material from presses",
+                                                  .help = help,
+                                                  .letter = 'p',
+                                                  .kind = KN_CURVE_PRESS,
+                                                  .fit = fit,
+                                                  .tell = tell,
+                                                  .csv_head = "press,time_s,depth_m,force_n,fit_n,band_n,readings",
+                                                  .csv_rows = csv_rows,
+                                                  .draw = draw,
+                                                  .report = report,
+                                                  .write_material = write_scene};

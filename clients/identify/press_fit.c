@@ -1,0 +1,604 @@
+#include "clients/identify/press_fit.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/output.h"
+#include "clients/hand/tool_height.h"
+#include "core/hash.h"
+#include "core/step.h"
+#include "server/clock.h"
+#include <inttypes.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+// ---- one press of the lattice
+
+enum { COMPLIANCE = KN_ESTIMATE_NUMBERS, TOUCH }; // indices of the unknowns; TOUCH + k: place of touch of press k
+
+#define STEPS 1500 // of a press in the search
+
+typedef struct path { // of a tool: its depth in the object
+    const kn_curve *curve;
+    double touch_m, compliance_m_n;
+    double speed_m_s; // of the stage before the first reading
+} path;
+
+// Return the depth of the tool at a reading. With a plate, the frame gives way to the measured force. The force is averaged
+// over neighbours, since its noise times the compliance would shake the tool. Other tools hang on a spring (make_model).
+static double depth_at(const path *p, int reading)
+{
+    const kn_curve *c = p->curve;
+    const int wide = 3, reach = reading < wide || c->count - 1 - reading < wide
+                                    ? (reading < c->count - 1 - reading ? reading : c->count - 1 - reading)
+                                    : wide;
+    double sum = 0, all = 0;
+    for (int i = -reach; i <= reach && p->compliance_m_n > 0; i++) {
+        const int weight = reach + 1 - abs(i);
+        sum += weight * c->value[reading + i], all += weight;
+    }
+    return c->other[reading] - p->touch_m - (all > 0 ? p->compliance_m_n * sum / all : 0);
+}
+
+// Return the speed of the stage over the first 2 % of its way.
+static double first_speed(const kn_curve *c)
+{
+    double most = 0;
+    int i = 1;
+    for (int k = 0; k < c->count; k++) most = fmax(most, c->other[k] - c->other[0]);
+    while (i < c->count - 1 && c->other[i] - c->other[0] < 0.02 * most) i++;
+    return (c->other[i] - c->other[0]) / (c->time_s[i] - c->time_s[0]);
+}
+
+// Return the time at which the tool touches the object. It may be before the first reading.
+static double touch_s(const path *p)
+{
+    const kn_curve *c = p->curve;
+    double before = depth_at(p, 0);
+    if (before >= 0) return c->time_s[0] - (p->speed_m_s > 0 ? before / p->speed_m_s : 0);
+    for (int i = 1; i < c->count; i++) {
+        const double now = depth_at(p, i);
+        if (now >= 0) return c->time_s[i] - (c->time_s[i] - c->time_s[i - 1]) * now / (now - before);
+        before = now;
+    }
+    return c->time_s[c->count - 1];
+}
+
+// Make the model of a press. Its tool follows the stage, whatever coupling a hand would have: rigidly, or by a spring of the
+// frame's compliance.
+static kn_model *make_model(const kn_press_fit *fit, const kn_press_record *p, const kn_material *material,
+                            double compliance_m_n, bool search)
+{
+    char error[256];
+    kn_model_def def = *fit->object;
+    const kn_curve *c = p->curve;
+    def.material = *material;
+    def.probe_count = 1;
+    def.probe[0] = *p->tool;
+    def.probe[0].coupling_n_m = def.probe[0].coupling_n_s_m = 0;
+    if (p->tool->shape != KN_PROBE_PLATE && compliance_m_n > 1e-9) def.probe[0].coupling_n_m = 1 / compliance_m_n;
+    if (search) {
+        def.solver.dt_s = fmin(fmax((c->time_s[c->count - 1] - c->time_s[0]) / STEPS, 1e-3), 1e-2);
+        def.solver.iterations_max = 100; // longer steps need more iterations
+    }
+    return kn_model_build(&def, error, sizeof error);
+}
+
+// Compute the force of the lattice at the readings of a press. The ticks begin at the touch, and the tool goes in a straight
+// line from reading to reading. Return false if the lattice cannot follow.
+static bool press(const kn_model *m, const kn_press_record *p, double touch, double compliance, double *force_n)
+{
+    const kn_curve *c = p->curve;
+    const path way = {c, touch, p->tool->shape == KN_PROBE_PLATE ? compliance : 0, first_speed(c)};
+    const double dt = m->def.solver.dt_s, begin = touch_s(&way);
+    double extent_m[3], before = 0, force = 0, low_s = begin, low_m = 0;
+    int next = 0; // first reading without a force, and first one that the tool has not passed
+    kn_model_def_extent(&m->def, extent_m);
+    const double rest_z_m = extent_m[2] + kn_tool_height_m(p->tool);
+    kn_state *state = kn_state_create(m);
+    kn_input in = {.probe[0].attached = true};
+    kn_output out;
+    bool good = state;
+    while (next < c->count && c->time_s[next] <= begin) force_n[next++] = 0;
+    for (int tick = 1, ahead = next; good && next < c->count; tick++) {
+        const double end_s = begin + tick * dt, last = force;
+        for (; ahead < c->count && c->time_s[ahead] < end_s; ahead++)
+            low_s = c->time_s[ahead], low_m = depth_at(&way, ahead);
+        double depth = low_m;
+        if (ahead < c->count) depth += (depth_at(&way, ahead) - low_m) * (end_s - low_s) / (c->time_s[ahead] - low_s);
+        in.probe[0].position_m[2] = rest_z_m - before;
+        in.probe[0].velocity_m_s[2] = (before - depth) / dt;
+        good = kn_step(m, state, &in, &out) == KN_OK;
+        force = out.probe[0].force_n[2];
+        before = depth;
+        for (; next < c->count && c->time_s[next] <= end_s; next++)
+            force_n[next] = force - (force - last) * (end_s - c->time_s[next]) / dt;
+    }
+    kn_state_destroy(state);
+    return good;
+}
+
+// ---- presses at once, each in a thread
+
+typedef struct job {
+    const kn_press_fit *fit;
+    const kn_press_record *press;
+    const kn_material *material;
+    double touch_m, compliance_m_n, *force_n;
+    bool search, good;
+} job;
+
+static void *work(void *of)
+{
+    job *j = of;
+    kn_model *m = make_model(j->fit, j->press, j->material, j->compliance_m_n, j->search);
+    j->good = m && press(m, j->press, j->touch_m, j->compliance_m_n, j->force_n);
+    kn_model_destroy(m);
+    return NULL;
+}
+
+static bool run_jobs(int count, job *all)
+{
+    pthread_t thread[KN_CURVES_MAX];
+    int started = 0;
+    bool good = true;
+    while (started < count - 1 && pthread_create(&thread[started], NULL, work, &all[started]) == 0) started++;
+    for (int i = started; i < count; i++) work(&all[i]);
+    for (int i = 0; i < started; i++) pthread_join(thread[i], NULL);
+    for (int i = 0; i < count; i++) good &= all[i].good;
+    return good;
+}
+
+// ---- the fit
+
+typedef struct search {
+    kn_press_fit *fit;
+    bool constant;        // the material has a constant damper
+    int first, end;       // presses that are compared: first..end-1
+    int readings;         // of the fitted presses
+    double *force;        // [readings of all presses] scratch
+    double least, kept_s; // least sum of squares so far; time when the file to resume was last written
+    kn_progress bar;
+    const kn_fit *best;  // the linearised model about these values has these
+    const double *at;    // [readings] residuals and
+    const double *slope; // [unknowns][readings] slopes
+    int without, only;   // press whose residuals do not count, or that alone counts; -1: none
+} search;
+
+static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
+
+// Keep the best values, so that an interrupted fit can go on.
+static void keep(search *s, const double *value, double sum)
+{
+    kn_beside out;
+    if (!(sum < s->least)) return;
+    s->least = sum;
+    if (!*s->fit->resume || now_s() < s->kept_s + 2) return;
+    s->kept_s = now_s();
+    FILE *f = kn_output_open(&out, s->fit->subcommand, s->fit->resume);
+    if (!f) return;
+    fprintf(f, "knead identify press %016" PRIx64 "\n", s->fit->inputs);
+    for (int i = 0; i < TOUCH + s->fit->presses; i++) fprintf(f, "%.17g\n", value[i]);
+    kn_output_close(&out, s->fit->subcommand);
+}
+
+// Read the values of an interrupted fit of the same inputs.
+static bool resume(const kn_press_fit *fit, int unknowns, double value[KN_FIT_UNKNOWNS])
+{
+    uint64_t inputs;
+    FILE *f = *fit->resume ? fopen(fit->resume, "r") : NULL;
+    bool good = f && fscanf(f, "knead identify press %" SCNx64, &inputs) == 1 && inputs == fit->inputs;
+    for (int i = 0; i < unknowns && good; i++) good = fscanf(f, "%lf", &value[i]) == 1 && isfinite(value[i]);
+    if (f) fclose(f);
+    return good;
+}
+
+// Compute the residuals of the presses first..end-1.
+static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    search *s = of;
+    const kn_press_fit *fit = s->fit;
+    const kn_material material = kn_lattice_material(value, s->constant);
+    job jobs[KN_CURVES_MAX];
+    double *force = s->force, sum = 0;
+    for (int k = s->first; k < s->end; force += fit->press[k++].curve->count)
+        jobs[k - s->first] =
+            (job){fit, &fit->press[k], &material, value[TOUCH + k], value[COMPLIANCE], force, .search = true};
+    if (!run_jobs(s->end - s->first, jobs)) return false;
+    force = s->force;
+    for (int k = s->first; k < s->end; k++) {
+        const kn_press_record *p = &fit->press[k];
+        for (int i = 0; i < p->curve->count; i++) {
+            const double r = (*force++ - p->curve->value[i]) / p->sigma_n[i];
+            *residual++ = r, sum += r * r;
+        }
+    }
+    s->bar.total = fmax(s->bar.total, ++s->fit->runs / 0.95);
+    kn_progress_step(&s->bar, s->fit->runs);
+    if (s->first == 0) keep(s, value, sum);
+    return true;
+}
+
+static double inwards(const kn_fit_unknown *u, double value) { return u->linear ? value : log(value); }
+
+// Compute the residuals of the fitted presses by the linearised model.
+static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    const search *s = of;
+    const kn_fit_unknown *u = s->best->unknown;
+    for (int k = 0, i = 0; k < s->fit->fitted; k++) {
+        const bool counts = k != s->without && (s->only < 0 || k == s->only);
+        for (int n = 0; n < s->fit->press[k].curve->count; n++, i++) residual[i] = counts ? s->at[i] : 0;
+        for (int j = 0; j < s->best->unknowns && counts; j++) {
+            const double way = inwards(&u[j], value[j]) - inwards(&u[j], u[j].value);
+            for (int n = s->fit->press[k].curve->count; n > 0; n--)
+                residual[i - n] += s->slope[j * s->readings + i - n] * way;
+        }
+    }
+    return true;
+}
+
+// ---- the start
+
+static int peak_of(const kn_curve *c)
+{
+    int peak = 0;
+    for (int i = 0; i < c->count; i++)
+        if (c->value[i] > c->value[peak]) peak = i;
+    return peak;
+}
+
+// Set sigma, leave out the pull that the tool cannot give, and guess the place of touch with its bounds.
+static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
+{
+    const kn_curve *c = p->curve;
+    const double most = kn_curve_largest(c);
+    const int peak = peak_of(c);
+    p->lone = NAN;
+    p->sigma_n = calloc(3 * (size_t)c->count, sizeof *p->sigma_n);
+    if (!p->sigma_n) return false;
+    p->model_n = p->sigma_n + c->count, p->band_n = p->model_n + c->count;
+    for (int i = 0; i < c->count; i++) {
+        p->sigma_n[i] = hypot(c->noise / sqrt(c->weight[i]), 5e-3 * most);
+        if (i <= peak || p->tool->adhesion_pa > 0 || c->value[i] > -3 * c->noise) continue;
+        p->sigma_n[i] = INFINITY;
+        p->pull_n_s -= c->value[i] * (c->time_s[i] - c->time_s[i - 1]);
+    }
+    int first = 0;
+    while (first < peak && c->value[first] < fmax(0.01 * most, 4 * c->noise)) first++;
+    const double range = c->other[peak] - c->other[0];
+    *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .low = c->other[0] - 0.3 * range};
+    touch->high = c->other[first] + 0.3 * (c->other[peak] - c->other[first]);
+    touch->value = first > 0 ? c->other[first] : c->other[0] - 0.01 * range;
+    return true;
+}
+
+// Multiply all stresses of a material by `stress`, and all its times by `time`.
+static kn_material scaled(kn_material m, double stress, double time)
+{
+    m.k1_pa *= stress, m.c1_pa_s *= stress * time, m.c2_pa_s *= stress * time, m.alpha_pa_s *= stress * time;
+    m.beta_per_pa /= stress, m.p0_pa *= stress, m.p1_pa *= stress;
+    return m;
+}
+
+// Compute the sums of residual^2, model^2 and model * measured for a material, in units of sigma.
+static bool sums_at(search *s, const kn_fit *fit, const kn_material *m, double sum[3], double *residual)
+{
+    double value[KN_FIT_UNKNOWNS];
+    static kn_fit at;
+    at = *fit;
+    kn_lattice_unknowns(&at, m, 0);
+    at.unknowns = fit->unknowns;
+    kn_fit_values(&at, value);
+    sum[0] = sum[1] = sum[2] = 0;
+    if (!misfit(s, value, residual)) return false;
+    for (int k = 0; k < s->fit->fitted; k++) {
+        const kn_press_record *p = &s->fit->press[k];
+        for (int i = 0; i < p->curve->count; i++, residual++) {
+            const double measured = p->curve->value[i] / p->sigma_n[i], model = measured + *residual;
+            sum[0] += *residual * *residual, sum[1] += model * model, sum[2] += model * measured;
+        }
+    }
+    return isfinite(sum[0]);
+}
+
+// Find the scales of stress and time of a material that come nearest to the presses. For each scale of time, the scale of
+// stress follows from the forces, in three rounds, since gas does not scale.
+static bool find_start(search *s, const kn_fit *fit, kn_material *m)
+{
+    static const double times[] = {1, 0.1, 10, 0.01, 100};
+    const kn_material from = *m;
+    double least = INFINITY, sum[3], *residual = calloc((size_t)s->readings, sizeof *residual);
+    for (size_t i = 0; i < sizeof times / sizeof *times && residual; i++) {
+        double stress = 1;
+        for (int round = 0; round < 3; round++) {
+            const kn_material now = scaled(from, stress, times[i]);
+            if (!sums_at(s, fit, &now, sum, residual)) break;
+            if (sum[0] < least) least = sum[0], *m = now;
+            if (!(sum[2] > 0)) break;
+            stress = fmin(fmax(stress * sum[2] / sum[1], 1e-6), 1e6);
+        }
+    }
+    free(residual);
+    return isfinite(least);
+}
+
+// ---- intervals and bands
+
+// Fit the linearised model without each press in turn. Set the covariance to that of the jackknife, and compute how well
+// the press that was left out is predicted once its place of touch is fitted.
+static void jackknife(search *s, kn_fit *best, kn_fit *trial, double *residual)
+{
+    static double moved[KN_CURVES_MAX][KN_FIT_UNKNOWNS], mean[KN_FIT_UNKNOWNS];
+    const int count = s->fit->fitted, unknowns = best->unknowns;
+    double value[KN_FIT_UNKNOWNS];
+    memset(mean, 0, sizeof mean);
+    for (int k = 0, from = 0; k < count; from += s->fit->press[k++].curve->count) {
+        kn_press_record *p = &s->fit->press[k];
+        *trial = *best;
+        trial->misfit = misfit_straight, trial->jacobian = NULL, trial->coarse = false;
+        trial->unknown[TOUCH + k].fixed = true;
+        s->without = k, s->only = -1;
+        const bool good = kn_lattice_fit(trial);
+        for (int u = 0; u < unknowns; u++) {
+            const kn_fit_unknown *is = &best->unknown[u];
+            moved[k][u] = good ? inwards(is, trial->unknown[u].value) - inwards(is, is->value) : 0;
+            mean[u] += moved[k][u] / count;
+            trial->unknown[u].fixed = u != TOUCH + k;
+        }
+        s->without = -1, s->only = k;
+        if (!good || !kn_fit_run(trial)) continue;
+        double sum = 0;
+        kn_fit_values(trial, value);
+        misfit_straight(s, value, residual);
+        for (int n = 0; n < p->curve->count; n++)
+            if (isfinite(p->sigma_n[n])) sum += pow(residual[from + n] * p->sigma_n[n], 2);
+        p->lone = sqrt(sum / p->curve->count) / kn_curve_largest(p->curve);
+    }
+    for (int a = 0; a < unknowns; a++)
+        for (int b = 0; b < unknowns; b++) {
+            double *to = &best->covariance[a][b];
+            *to = 0;
+            for (int k = 0; k < count; k++)
+                *to += (count - 1.0) / count * (moved[k][a] - mean[a]) * (moved[k][b] - mean[b]);
+        }
+    best->scale = 1;
+    best->freedom = count - 1;
+}
+
+// Widen the scale of the residuals if neighbours are alike, since these are not independent.
+static double widened(const kn_fit *fit, const double *residual)
+{
+    double both = 0, all = 1e-300;
+    for (int i = 0; i < fit->readings; i++) {
+        if (i > 0) both += residual[i] * residual[i - 1];
+        all += residual[i] * residual[i];
+    }
+    const double alike = fmin(fmax(both / all, 0), 0.98);
+    return fit->scale * sqrt((1 + alike) / (1 - alike));
+}
+
+// Move one unknown to a value, where the lattice is pressed, and let the others follow by the linearised model. Return by
+// how many standard deviations the sum of squares has risen.
+static double risen(search *s, const kn_fit *best, kn_fit *trial, double *residual, int unknown, double to)
+{
+    double value[KN_FIT_UNKNOWNS];
+    kn_fit_values(best, value);
+    value[unknown] = to;
+    if (!misfit(s, value, residual)) return INFINITY;
+    const double *at = s->at;
+    *trial = *best;
+    trial->misfit = misfit_straight, trial->jacobian = NULL, trial->coarse = false;
+    trial->unknown[unknown].fixed = true;
+    s->at = residual;
+    const bool good = kn_fit_run(trial);
+    s->at = at;
+    return good ? sqrt(fmax(trial->sum - best->sum, 0)) / best->scale : (double)INFINITY;
+}
+
+#define FAR 100 // an end of an interval that is this factor away from the best value is no limit
+
+// Return the 95 % interval of an unknown. It begins with that by curvature. A side on which the sum of squares has not
+// risen enough there is moved outwards until it has, or to the bound: P0 and P1 change nothing beyond the stresses that
+// occur, so their curvature says little.
+static kn_fit_interval interval_of(search *s, const kn_fit *best, kn_fit *trial, double *residual, int unknown)
+{
+    const kn_fit_unknown *u = &best->unknown[unknown];
+    kn_fit_interval i = kn_fit_interval_by(best, unknown, 0.95, KN_FIT_CURVATURE);
+    const double t = kn_fit_student(0.95, best->freedom), here = inwards(u, u->value);
+    for (int side = 0; side < 2 && !u->fixed; side++) {
+        double *end = side ? &i.high : &i.low, bound = side ? u->high : u->low;
+        bool *open = side ? &i.open_high : &i.open_low;
+        while (!*open && risen(s, best, trial, residual, unknown, *end) < 0.8 * t) {
+            const double next = here + 1.6 * (inwards(u, *end) - here);
+            const bool far = !u->linear && fabs(next - here) > log(FAR);
+            *open = far || (side ? next >= inwards(u, bound) : next <= inwards(u, bound));
+            *end = *open ? bound : u->linear ? next : exp(next);
+        }
+    }
+    return i;
+}
+
+// Compute half of the 95 % band of each force of the presses first..end-1: what the covariance of the unknowns does to it,
+// and the scatter of the residuals. slope: [unknowns][readings] of these presses.
+static void make_bands(search *s, const kn_fit *best, double scatter, const double *slope, int readings)
+{
+    const double t = kn_fit_student(0.95, best->freedom);
+    for (int k = s->first, i = 0; k < s->end; k++) {
+        const kn_press_record *p = &s->fit->press[k];
+        for (int n = 0; n < p->curve->count; n++, i++) {
+            double sum = 0;
+            for (int a = 0; a < best->unknowns; a++)
+                for (int b = 0; b < best->unknowns; b++)
+                    if (isfinite(best->covariance[a][a]) && isfinite(best->covariance[b][b]))
+                        sum += slope[a * readings + i] * best->covariance[a][b] * slope[b * readings + i];
+            const double sigma = isfinite(p->sigma_n[n]) ? p->sigma_n[n] : p->curve->noise;
+            p->band_n[n] =
+                fmin(sigma * (t * best->scale * sqrt(fmax(sum, 0)) + 2 * scatter), kn_curve_largest(p->curve));
+        }
+    }
+}
+
+// Predict the presses that are held out: fit their places of touch, and compute their bands.
+static bool predict(search *s, kn_fit *best, kn_fit *trial, double scatter)
+{
+    int readings = 0;
+    s->first = s->fit->fitted, s->end = s->fit->presses;
+    for (int k = s->first; k < s->end; k++) readings += s->fit->press[k].curve->count;
+    double *slope = calloc((size_t)(best->unknowns + 1) * (size_t)readings, sizeof *slope);
+    if (!slope) return false;
+    *trial = *best;
+    trial->readings = readings, trial->jacobian = NULL;
+    for (int u = 0; u < best->unknowns; u++) trial->unknown[u].fixed = u < TOUCH + s->first;
+    const bool good = kn_fit_run(trial);
+    for (int u = TOUCH + s->first; u < best->unknowns && good; u++) best->unknown[u].value = trial->unknown[u].value;
+    double value[KN_FIT_UNKNOWNS], *here = slope + best->unknowns * readings;
+    kn_fit_values(best, value);
+    bool ok = good && misfit(s, value, here);
+    for (int u = 0; u < TOUCH && ok; u++) {
+        const kn_fit_unknown *is = &best->unknown[u];
+        const double step = is->linear ? 0.01 * (is->high - is->low) : 0.01, old = value[u];
+        if (is->fixed) continue;
+        value[u] = is->linear ? old + step : old * exp(step);
+        ok = misfit(s, value, slope + u * readings);
+        value[u] = old;
+        for (int i = 0; i < readings; i++) slope[u * readings + i] = (slope[u * readings + i] - here[i]) / step;
+    }
+    if (ok) make_bands(s, best, scatter, slope, readings);
+    free(slope);
+    return ok;
+}
+
+// ---- the results
+
+// Press the lattice with the scene's own solver, and compare all presses.
+static bool press_as_served(kn_press_fit *fit, const kn_fit *best)
+{
+    job jobs[KN_CURVES_MAX];
+    for (int k = 0; k < fit->presses; k++) {
+        kn_press_record *p = &fit->press[k];
+        p->touch_m = best->unknown[TOUCH + k].value;
+        jobs[k] = (job){fit, p, &fit->material, p->touch_m, fit->compliance_m_n, p->model_n, .search = false};
+    }
+    if (!run_jobs(fit->presses, jobs)) return false;
+    for (int k = 0; k < fit->presses; k++) {
+        kn_press_record *p = &fit->press[k];
+        double sum = 0;
+        int count = 0;
+        for (int i = 0; i < p->curve->count; i++)
+            if (isfinite(p->sigma_n[i])) count++, sum += pow(p->model_n[i] - p->curve->value[i], 2);
+        p->left = sqrt(sum / count) / kn_curve_largest(p->curve);
+    }
+    return true;
+}
+
+// Fit the unknowns in stages, those first that every press shows: all at once, the search may run away along one that it
+// hardly shows, such as k1 in a short press.
+static bool search_in_stages(kn_fit *fit)
+{
+    static const int first[] = {1 << KN_ESTIMATE_C1 | 1 << KN_ESTIMATE_ALPHA,
+                                1 << KN_ESTIMATE_C1 | 1 << KN_ESTIMATE_ALPHA | 1 << KN_ESTIMATE_BETA |
+                                    1 << KN_ESTIMATE_P1};
+    bool fixed[TOUCH], good = true;
+    for (int u = 0; u < TOUCH; u++) fixed[u] = fit->unknown[u].fixed;
+    for (int stage = 0; stage < 2 && good; stage++) {
+        for (int u = 0; u < TOUCH; u++) fit->unknown[u].fixed = fixed[u] || !(first[stage] >> u & 1);
+        good = kn_fit_search(fit);
+    }
+    for (int u = 0; u < TOUCH; u++) fit->unknown[u].fixed = fixed[u];
+    return good && kn_lattice_fit(fit);
+}
+
+// Search, then find intervals and bands. `trial` and `residual` are scratch.
+static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
+{
+    kn_press_fit *fit = s->fit;
+    double value[KN_FIT_UNKNOWNS];
+    if (!(fit->resumed ? kn_lattice_fit(best) : search_in_stages(best))) return false;
+    kn_fit_values(best, value);
+    fit->material = kn_lattice_material(value, s->constant);
+    fit->compliance_m_n = value[COMPLIANCE];
+    if (!misfit(s, value, residual)) return false;
+    s->best = best, s->at = residual, s->slope = best->jacobian;
+    const double scatter = best->scale;
+    double *spare = calloc((size_t)best->readings, sizeof *spare);
+    if (!spare) return false;
+    kn_fit_interval interval[TOUCH];
+    if (fit->fitted > 1) jackknife(s, best, trial, spare);
+    else
+        best->scale =
+            fmax(widened(best, residual), 1); // below 1: chance, or the solver of the lattice that made the data
+    for (int u = 0; u < TOUCH; u++)
+        interval[u] = fit->fitted > 1 ? kn_fit_interval_by(best, u, 0.95, KN_FIT_CURVATURE)
+                                      : interval_of(s, best, trial, spare, u);
+    free(spare);
+    kn_lattice_numbers(fit->number, best, &fit->material, interval);
+    if (!best->unknown[COMPLIANCE].fixed)
+        kn_parameter_estimate_set(&fit->compliance, "frame", "m/N", value[COMPLIANCE], interval[COMPLIANCE]);
+    make_bands(s, best, scatter, best->jacobian, best->readings);
+    return fit->fitted == fit->presses || predict(s, best, trial, scatter);
+}
+
+int kn_press_fit_run(kn_press_fit *fit)
+{
+    static kn_fit best, trial;
+    search s = {.fit = fit, .end = fit->fitted, .least = INFINITY, .kept_s = now_s(), .without = -1, .only = -1};
+    kn_material start = fit->object->material;
+    int all = 0;
+    double most = 0;
+    best = (kn_fit){.misfit = misfit, .of = &s, .coarse = true};
+    kn_lattice_unknowns(&best, &start, 0);
+    best.unknowns = TOUCH + fit->presses;
+    for (int k = 0; k < fit->presses; k++) {
+        const kn_curve *c = fit->press[k].curve;
+        kn_fit_unknown *touch = &best.unknown[TOUCH + k];
+        if (!prepare(&fit->press[k], touch)) return kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
+        touch->fixed = k >= fit->fitted;
+        all += c->count;
+        if (k < fit->fitted) s.readings += c->count;
+        most = fmax(most, kn_curve_largest(c));
+        // a frame that takes up a third of the way is no frame
+        const double yields = 0.3 * (c->other[peak_of(c)] - c->other[0]) / kn_curve_largest(c);
+        kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
+        frame->high = k == 0 ? yields : fmin(frame->high, yields);
+    }
+    kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
+    const bool given = !isnan(fit->compliance_m_n);
+    *frame = (kn_fit_unknown){.name = "frame", .unit = "m/N", .linear = true, .high = frame->high, .fixed = given};
+    frame->value = given ? fit->compliance_m_n : 0.03 * frame->high;
+    best.readings = s.readings;
+    best.jacobian = calloc((size_t)best.unknowns * (size_t)s.readings, sizeof *best.jacobian);
+    double *residual = calloc((size_t)s.readings, sizeof *residual);
+    s.force = calloc((size_t)all, sizeof *s.force);
+    s.constant = start.damper == KN_DAMPER_CONSTANT;
+    s.bar = kn_progress_open(fit->subcommand, 100);
+    int code = KN_EXIT_OK;
+    if (!best.jacobian || !residual || !s.force) code = kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
+    else {
+        double kept[KN_FIT_UNKNOWNS];
+        fit->resumed = resume(fit, best.unknowns, kept);
+        if (fit->resumed) start = kn_lattice_material(kept, s.constant);
+        bool good = fit->resumed || find_start(&s, &best, &start);
+        // the stress in an edge is at most the whole force on the area of one node
+        kn_lattice_unknowns(&best, &start, most / pow(fit->object->spacing_m, 2));
+        best.unknowns = TOUCH + fit->presses;
+        for (int i = COMPLIANCE; i < best.unknowns && fit->resumed; i++) best.unknown[i].value = kept[i];
+        good = good && solve(&s, &best, &trial, residual) && press_as_served(fit, &best);
+        kn_progress_close(&s.bar);
+        if (!good)
+            code =
+                kn_complain(fit->subcommand, KN_EXIT_USAGE,
+                            "%s: no material lets this lattice follow the press; expected a tool and an object as they "
+                            "were measured, and a press that the lattice can bear",
+                            fit->press[0].curve->file);
+    }
+    free(best.jacobian);
+    free(residual);
+    free(s.force);
+    return code;
+}
+
+void kn_press_fit_free(kn_press_fit *fit)
+{
+    for (int k = 0; k < fit->presses; k++) free(fit->press[k].sigma_n);
+}

@@ -1,0 +1,229 @@
+// knead identify press: find a material again from presses of a lattice, with what a laboratory does not know: the place of
+// touch, the frame's compliance, readings before a trigger. The lattice is kneadd's own, stepped apart from the command.
+// gate in release: arithmetic, ten times slower with the sanitizers
+#include "clients/cli/commands.h"
+#include "clients/cli/command.h"
+#include "clients/cli/result.h"
+#include "clients/hand/tool_height.h"
+#include "core/scene/scene.h"
+#include "core/step.h"
+#include "tests/clients/heard.h"
+#include "tests/dice.h"
+#include "tests/owned.h"
+#include <jansson.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <time.h>
+
+#define BLOCK                                                                                                          \
+    "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm, diagonal_stiffness: 0.08, pressure: cells, "        \
+    "inside_pressure: 1 atm}\nsupport: bonded\ngravity: 0 m/s^2\ndevice: bench\nprobes:\n"                             \
+    "  - {name: ball, shape: sphere, radius: 1 cm}\n  - {name: plate, shape: plate, size: [3 cm, 3 cm]}\n"
+
+static const double truth[] = {20000, 150000, 3e6, 2e-3, 500, 4000}; // k1, c1, alpha, beta, P0, P1
+static const char *const name[] = {"k1", "c1", "alpha", "beta", "P0", "P1"};
+
+static char error[600];
+static uint64_t seed = 20261128;
+
+typedef struct stage { // how the block is pressed and measured
+    int probe;
+    double depth_mm, speed_mm_s, hold_s;
+    double above_mm;           // way of the stage before it touches
+    double compliance_m_n;     // of frame and gauge
+    double trigger_n, noise_n; // the record begins with this force, depth and time at 0
+    const char *head;          // first line of the file
+} stage;
+
+static kn_model *make_block(int probe, double compliance_m_n)
+{
+    char text[2000];
+    snprintf(text, sizeof text,
+             BLOCK "density: 1200 kg/m^3\nmaterial: {k1: %g Pa, c1: %g Pa*s, damper: exponential, alpha: %g Pa*s, "
+                   "beta: %g 1/Pa, p0: %g Pa, "
+                   "p1: %g Pa}\n",
+             truth[0], truth[1], truth[2], truth[3], truth[4], truth[5]);
+    OWN(kn_scene) *scene = kn_scene_parse("block", text, strlen(text), NULL, 0, error, sizeof error);
+    if (!scene) fprintf(stderr, "%s\n", error), exit(1);
+    scene->model.probe[0] = scene->model.probe[probe], scene->model.probe_count = 1;
+    if (compliance_m_n > 0) scene->model.probe[0].coupling_n_m = 1 / compliance_m_n;
+    return kn_model_build(&scene->model, error, sizeof error);
+}
+
+// Press the block and write time, force and depth of the stage, every fifth tick.
+static void measure(const char *path, stage s)
+{
+    OWN(kn_model) *model = make_block(s.probe, s.compliance_m_n);
+    OWN(kn_state) *state = kn_state_create(model);
+    kn_input in = {.probe[0].attached = true};
+    kn_output out;
+    FILE *f = fopen(path, "w");
+    if (!model || !state || !f) exit(1);
+    const double dt = model->def.solver.dt_s, z_m = 0.02 + kn_tool_height_m(&model->def.probe[0]);
+    const double down_s = (s.depth_mm + s.above_mm) / s.speed_mm_s, turn_s = down_s + s.hold_s;
+    double before_m = -1e-3 * s.above_mm, begin_s = s.trigger_n > 0 ? NAN : 0, begin_m = 0;
+    fprintf(f, "%stime_s,force_N,depth_mm\n", s.head ? s.head : "");
+    for (int tick = 1; tick * dt < turn_s + down_s; tick++) {
+        const double t = tick * dt, way_s = t < down_s ? t : t < turn_s ? down_s : down_s + turn_s - t;
+        const double stage_m = 1e-3 * s.speed_mm_s * way_s, depth_m = stage_m - 1e-3 * s.above_mm;
+        in.probe[0].position_m[2] = z_m - before_m;
+        in.probe[0].velocity_m_s[2] = (before_m - depth_m) / dt;
+        CHECK(kn_step(model, state, &in, &out) == KN_OK);
+        const double force_n = out.probe[0].force_n[2];
+        before_m = depth_m;
+        if (isnan(begin_s) && force_n > s.trigger_n) begin_s = t, begin_m = stage_m;
+        if (tick % 5 == 0 && !isnan(begin_s))
+            fprintf(f, "%.5g,%.6g,%.6g\n", t - begin_s, force_n + s.noise_n * kn_dice_normal(&seed),
+                    1e3 * (stage_m - begin_m));
+    }
+    fclose(f);
+}
+
+static void write_text(const char *path, const char *text)
+{
+    FILE *f = fopen(path, "w");
+    kn_rows(f, text);
+    fclose(f);
+}
+
+static int identify(int argc, char **argv)
+{
+    const int code = kn_identify_main(argc, argv);
+    kn_result_close(code);
+    return code;
+}
+
+#define PRESS(code, said, ...) KN_CALLS(code, said, identify, "knead identify", "press " __VA_ARGS__)
+
+static json_t *root; // results of the last call with --json
+
+static json_t *number_of(const char *key) { return json_object_get(json_object_get(root, "numbers"), key); }
+static double part_of(const json_t *of, const char *key) { return json_number_value(json_object_get(of, key)); }
+static const json_t *press_of(int k) { return json_array_get(json_object_get(root, "presses"), (size_t)k); }
+
+static void load_results(void)
+{
+    const char *text = strchr(kn_out, '{');
+    json_decref(root);
+    root = json_loads(text ? text : "", 0, NULL);
+    CHECK(root);
+}
+
+__attribute__((constructor)) static void write_scenes(void)
+{
+    write_text("block.yaml", BLOCK "material: dough\n");
+    write_text("ball.yaml", "probes:\n  - {name: nine, shape: sphere, radius: 1 cm}\n");
+}
+
+TEST("one press with noise gives the material, and predicts another speed and another tool to 3 % of the force")
+{
+    measure("slow.csv", (stage){.depth_mm = 5, .speed_mm_s = 10, .hold_s = 0.8, .above_mm = 0.5, .noise_n = 0.003});
+    measure("fast.csv", (stage){.depth_mm = 4, .speed_mm_s = 40, .hold_s = 0.4, .trigger_n = 0.02, .noise_n = 0.003});
+    measure("flat.csv", (stage){1, 4, 20, 0.4, 0.7, .noise_n = 0.003, .head = "# tool: plate\n"});
+    PRESS(0, "",
+          "slow.csv --held fast.csv --held flat.csv --object block.yaml --tool ball --compliance '0 mm/N' --out "
+          "mine.yaml --json");
+    load_results();
+    int known = 0;
+    for (int i = 0; i < 6; i++) {
+        const json_t *n = number_of(name[i]);
+        if (strcmp(json_string_value(json_object_get(n, "known")), "known") != 0) continue;
+        printf("  %s %.3g [%.3g .. %.3g] of the true one\n", name[i], part_of(n, "value") / truth[i],
+               part_of(n, "low") / truth[i], part_of(n, "high") / truth[i]);
+        CHECK(part_of(n, "low") < truth[i] && part_of(n, "high") > truth[i]);
+        known++;
+    }
+    CHECK(known >= 4);
+    for (int k = 0; k < 3; k++) {
+        printf("  press %d: %.2f %% left, touch at %.3f mm\n", k, 100 * part_of(press_of(k), "left"),
+               1e3 * part_of(press_of(k), "touch_m"));
+        CHECK(part_of(press_of(k), "left") < 0.03);
+    }
+    CHECK_NEAR(part_of(press_of(0), "touch_m"), 5e-4, 5e-5);
+    CHECK(part_of(press_of(1), "touch_m") < 0); // it touched before the record
+    OWN(kn_scene) *mine = kn_scene_load("mine.yaml", NULL, 0, error, sizeof error);
+    CHECK(mine && strstr(mine->label, "fitted to presses with ball, slow.csv: cells of 10 mm") &&
+          strstr(mine->label, "Predicted, not fitted: fast "));
+    CHECK(access("mine.yaml.fit", F_OK) != 0);
+}
+
+NIGHT_TEST("the compliance of the frame is found, and intervals of replicates come from their spread")
+{
+    const stage s = {
+        .depth_mm = 5, .speed_mm_s = 20, .hold_s = 0.3, .above_mm = 0.5, .compliance_m_n = 4e-4, .noise_n = 0.003};
+    measure("one.csv", s);
+    measure("two.csv", s);
+    measure("three.csv", s);
+    PRESS(0, "", "one.csv two.csv three.csv --object block.yaml --tool ball.yaml --json --out nine.yaml");
+    load_results();
+    const json_t *frame = number_of("frame");
+    printf("  frame %.3g m/N [%.3g .. %.3g]\n", part_of(frame, "value"), part_of(frame, "low"), part_of(frame, "high"));
+    CHECK_NEAR(part_of(frame, "value"), 4e-4, 4e-5);
+    for (int k = 0; k < 3; k++) CHECK(part_of(press_of(k), "left_when_left_out") < 0.02);
+    OWN(kn_scene) *nine = kn_scene_load("nine.yaml", NULL, 0, error, sizeof error); // has the tool of the file
+    CHECK(nine && nine->model.probe_count == 1 && !strcmp(nine->model.probe[0].name, "nine"));
+}
+
+TEST("a fit that was killed goes on where it was")
+{
+    measure("slow.csv", (stage){.depth_mm = 4, .speed_mm_s = 30, .hold_s = 0.2, .above_mm = 0.5, .noise_n = 0.003});
+    const pid_t child = fork();
+    if (child == 0) {
+        kn_call(identify, "knead identify", "press slow.csv --object block.yaml --tool ball --out killed.yaml");
+        _exit(0);
+    }
+    for (int i = 0; i < 3000 && access("killed.yaml.fit", F_OK) != 0; i++)
+        nanosleep(&(struct timespec){0, 10000000}, NULL);
+    kill(child, SIGKILL);
+    waitpid(child, NULL, 0);
+    CHECK(access("killed.yaml.fit", F_OK) == 0 && access("killed.yaml", F_OK) != 0);
+    PRESS(0, "note: the fit went on where an earlier one was interrupted",
+          "slow.csv --object block.yaml --tool ball --out killed.yaml");
+    CHECK(access("killed.yaml.fit", F_OK) != 0 && access("killed.yaml", F_OK) == 0);
+}
+
+TEST("a press that no such lattice gives is told, and written only if the user insists")
+{
+    // the force jumps to and fro while the tool stands still
+    write_text("odd.csv", "time_s,force_N,depth_mm\n0,0,0\n0.1,0.1,1\n0.2,0.2,2\n@20 0.3+0.1,1+0,3\n@20 "
+                          "2.3+0.1,4+0,3\n@20 4.3+0.1,1+0,3\n");
+    PRESS(1, "not written, the lattice leaves up to ",
+          "odd.csv --object block.yaml --tool ball --compliance '0 mm/N' --out odd.yaml");
+    CHECK(access("odd.yaml", F_OK) != 0);
+}
+
+TEST("bad input is refused in one line that says what to do")
+{
+    measure("slow.csv", (stage){.depth_mm = 5, .speed_mm_s = 10, .hold_s = 0.2, .above_mm = 0.5});
+    write_text("forceless.csv", "time_s,depth_mm\n@20 0+1,1+1\n");
+    write_text("twice.csv", "time_s,force_N,depth_mm\n@20 0+1,1+1,1+1\n@20 0+1,1+1,1+1\n");
+    write_text("still.csv", "time_s,force_N,depth_mm\n@20 0+1,1+1,3\n");
+    write_text("toolless.yaml", "probes: []\n");
+    write_text("small.yaml", "probes:\n  - {name: pea, shape: sphere, radius: 2 mm}\n");
+    const char *const bad[][2] = {
+        {"expected --object SCENE, the scene of the object that was pressed", "slow.csv --tool ball"},
+        {"slow.csv: pressed with what?, expected --tool or a line '# tool: NAME' in the file",
+         "slow.csv --object block.yaml"},
+        {"--tool fist: block.yaml has no such probe, expected one of its probes or a file",
+         "slow.csv --object block.yaml --tool fist"},
+        {"none.yaml:1:1: cannot be read", "slow.csv --object block.yaml --tool none.yaml"},
+        {"small.yaml:1:1: probes.pea.radius is 0.002 m, expected at least object.spacing, 0.01 m",
+         "slow.csv --object block.yaml --tool small.yaml"},
+        {"forceless.csv:1:1: no column of force, expected time, force and depth",
+         "forceless.csv --object block.yaml --tool ball"},
+        {"twice.csv:22:1: time restarts, expected one press per file", "twice.csv --object block.yaml --tool ball"},
+        {"still.csv:2:", "still.csv --object block.yaml --tool ball"},
+        {"expected a file of readings", "--held slow.csv --object block.yaml --tool ball"},
+        {"slow.csv and slow.csv are one file", "slow.csv --held slow.csv --object block.yaml --tool ball"},
+        {"bun.yaml: the object is a mesh, expected a block",
+         "slow.csv --tool ball --object " KN_SOURCE_DIR "/core/scenes/bun.yaml"},
+        {"--compliance '3': expected a compliance like '0.01 mm/N'",
+         "slow.csv --object block.yaml --tool ball --compliance 3"}};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        const int code = kn_call(identify, "knead identify", "press %s", bad[i][1]);
+        if (code != KN_EXIT_USAGE || !kn_refused(bad[i][0]))
+            KN_TEST_FAIL("press %s: exit %d, expected 2 and one line with: %s\n%s", bad[i][1], code, bad[i][0], kn_err);
+    }
+    json_decref(root);
+    root = NULL;
+}
