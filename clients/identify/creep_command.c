@@ -472,10 +472,7 @@ static void numbers(kn_document *d, const kn_identification *w)
                       "k1 and c1 in parallel; in series with both: the damper alpha exp(-beta P), P between P0 and P1",
                       "lnl", "parameter\tbest value and 95 % interval\tremark");
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_page_number(d, &w->creep.number[i]);
-    if (w->served) {
-        kn_identify_page_material(d);
-        kn_document_link(d, "scene.yaml", "a block of this material under a plate: kneadd --scene scene.yaml");
-    }
+    if (w->served) kn_identify_page_material(d);
     kn_document_text(d,
                      "The 95 %% intervals are valid if the model is right and the noise is independent. "
                      "Stresses from %.4g to %.4g kPa were measured under load.",
@@ -554,21 +551,6 @@ static void models(kn_document *d, const kn_model_comparison *m)
     }
     kn_model_comparison_verdict(m, text, sizeof text);
     kn_document_text(d, "Verdict: %s.", text);
-}
-
-// Write all results to an open page: the printed results with plots, and figures 6 to 9 of the first paper for the
-// first curves. If w->served is true, the page's folder must already hold material.yaml. If w->served is false, the
-// page has no section on simulated creep.
-static int fill_page(kn_document *d, kn_identification *w)
-{
-    curves(d, w);
-    numbers(d, w);
-    trust(d, w);
-    int code = fits(d, w);
-    if (code != KN_EXIT_OK) return code;
-    two_stages(d, w);
-    if (w->compared) models(d, &w->models);
-    return w->served ? kn_creep_validation(d, w) : KN_EXIT_OK;
 }
 
 // ---- the material of a lattice (--serve)
@@ -676,6 +658,59 @@ static int write_scene(const kn_identification *w, const char *path)
              l->structure.gas_pa > 0 ? "  pressure: cells\n  inside_pressure: 1 atm\n" : "");
     return kn_material_file_write(w->opt.subcommand, path, origin, scene, &l->material, w->opt.density_kg_m3,
                                   KN_ESTIMATE_NUMBERS, l->number);
+}
+
+// Write the section on lattices: how far blocks with the element's parameters are from the curves and, with --serve, the
+// lattice of the scene, which is written beside the page.
+static int lattices(kn_document *d, const kn_identification *w)
+{
+    static const kn_affine_structure all[] = {{1, 0}, {1, 101325}};
+    const bool served = w->lattice.rounds > 0, follows = worst_left(w) <= KN_IDENTIFY_FOLLOWS || w->opt.anyway;
+    char path[PATH_MAX], words[80];
+    kn_document_section(d, "What a lattice does");
+    kn_document_text(
+        d, "The parameters above are those of one element. The edges of a lattice turn as a block gives way, and the "
+           "edges of an element do not. So a block of cells with these parameters creeps otherwise. With diagonals "
+           "alone it "
+           "gives way more, with gas in its cells as well it gives way less.");
+    kn_document_table(d, "Root mean square differences from the readings, % of the largest strain", "lrrrr",
+                      "curve\tlargest strain\tblock with diagonals\twith gas and diagonals\tlattice of scene.yaml");
+    for (int k = 0; k < w->curves; k++) {
+        const kn_curve *c = &w->curve[k];
+        char left[20] = "-";
+        if (served) snprintf(left, sizeof left, "%.3g", 100 * w->lattice.left[k]);
+        kn_document_row(d, "%s\t%.3g\t%.3g\t%.3g\t%s", c->name, kn_curve_largest(c),
+                        100 * kn_affine_block_left(&all[0], &w->creep.material, c),
+                        100 * kn_affine_block_left(&all[1], &w->creep.material, c), left);
+    }
+    if (!served || !follows) {
+        kn_document_verdict(
+            d, KN_DOCUMENT_BEWARE,
+            served ? "The lattice of --serve does not follow these curves."
+                   : "No lattice was fitted. Run knead identify creep with --serve for one that repeats these curves.");
+        return KN_EXIT_OK;
+    }
+    kn_document_verdict(
+        d, KN_DOCUMENT_HOLDS,
+        "The lattice of scene.yaml, with %s in cells of %.3g mm, has parameters of its own and leaves up to %.2g %%.",
+        structure_words(&w->lattice.structure, words), 1e3 * w->lattice.spacing_m, 100 * worst_left(w));
+    kn_document_link(d, "scene.yaml", "the scene with this lattice, for kneadd");
+    return write_scene(w, kn_document_file(d, "scene.yaml", path));
+}
+
+// Write all results to an open page: the printed results with plots, and figures 6 to 9 of the first paper for the
+// first curves. If w->served is true, the page's folder must already hold material.yaml. If w->served is false, the
+// page has no section on lattices.
+static int fill_page(kn_document *d, kn_identification *w)
+{
+    curves(d, w);
+    numbers(d, w);
+    trust(d, w);
+    int code = fits(d, w);
+    if (code != KN_EXIT_OK) return code;
+    two_stages(d, w);
+    if (w->compared) models(d, &w->models);
+    return w->served ? lattices(d, w) : KN_EXIT_OK;
 }
 
 // ---- the steps of the experiment creep

@@ -173,19 +173,4 @@ void kn_identify_plot(kn_figure_panel *p, const char *name, int count, const dou
 // Fill x[KN_IDENTIFY_POINTS] with a geometric progression from `low` to `high`.
 void kn_identify_points(double low, double high, double *x);
 
-// ---- the page of creep (creep_validation.c)
-
-// Add the section that checks the identified material in two ways (creep_validation.c). First, the creep of the
-// material under the measured loads is computed and compared with the data. It is computed for one element, integrated
-// to a tolerance (core/network.h), and for two lattices (with diagonals and with gas), stepped by the solver of kneadd.
-// Second, a block of the material is pressed as in the first paper, section 5: the plate moves 1 cm down at 1 cm/s,
-// stays for 30 s, and moves up again. The runs take seconds and show progress bars.
-//
-// The edges of a lattice turn as the block is compressed, whereas an element has no directions. A block without gas,
-// with diagonals alone, loses volume and gives way more than the element. For dough, its strain differs from the
-// element's by 6 % under 10 gf, and under 30 gf or more the block is squeezed flat. In a block with gas in its cells the
-// volume stays constant, as equation 4 of the first paper supposes. Such a block is stiffer: under 50 gf its strain
-// differs from the element's by 28 %. The page states these differences.
-int kn_creep_validation(kn_document *d, const kn_identification *w);
-
 #endif

@@ -358,9 +358,12 @@ static int report(kn_identification *w, kn_document *d)
     if (f->compliance.name) kn_identify_page_number(d, &f->compliance);
     kn_document_table(d, "Presses: what is left, in % of the largest force", "lrr",
                       "press\tfitted, or predicted\tleft out of the fit");
-    for (int k = 0; k < f->presses; k++)
-        kn_document_row(d, "%s%s\t%.2g\t%.2g", f->press[k].curve->name, k < f->fitted ? "" : " (predicted)",
-                        100 * f->press[k].left, 100 * f->press[k].lone);
+    for (int k = 0; k < f->presses; k++) {
+        char lone[20] = "-";
+        if (!isnan(f->press[k].lone)) snprintf(lone, sizeof lone, "%.2g", 100 * f->press[k].lone);
+        kn_document_row(d, "%s%s\t%.2g\t%s", f->press[k].curve->name, k < f->fitted ? "" : " (predicted)",
+                        100 * f->press[k].left, lone);
+    }
     predicted(f, text, sizeof text);
     kn_document_text(d, "%s.", text);
     for (int i = 0; i < w->notes; i++) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", w->note[i]);

@@ -197,6 +197,15 @@ static double apart(const double *strain, const kn_curve *c)
     return sqrt(sum / c->count) / kn_curve_largest(c);
 }
 
+double kn_affine_block_left(const kn_affine_structure *structure, const kn_material *material, const kn_curve *c)
+{
+    double *strain = calloc((size_t)c->count, sizeof *strain);
+    const bool good = strain && kn_affine_block_creep(structure, material, c, c->count, c->time_s, strain);
+    const double left = good ? apart(strain, c) : (double)NAN;
+    free(strain);
+    return left;
+}
+
 // Run the lattice for all curves. Store its strains in s->strain, and what is left on each curve.
 static bool run_lattice(search *s, const kn_material *material, double left[KN_CURVES_MAX])
 {
@@ -344,13 +353,8 @@ bool kn_served_lattice_fit(kn_served_lattice *served, const char *subcommand, in
     if (!all) return false;
     s.at = all, s.strain = all + s.readings, s.spare = s.strain + s.readings;
     for (int u = 0; u < KN_ESTIMATE_NUMBERS; u++) s.slope[u] = s.spare + (u + 1) * s.readings;
-    double *strain = s.strain;
-    for (int k = 0; k < curves; strain += curve[k++].count) {
-        if (!kn_affine_block_creep(&served->structure, &served->material, &curve[k], curve[k].count, curve[k].time_s,
-                                   strain))
-            break;
-        served->left[k] = served->before[k] = apart(strain, &curve[k]);
-    }
+    for (int k = 0; k < curves; k++)
+        served->left[k] = served->before[k] = kn_affine_block_left(&served->structure, &served->material, &curve[k]);
     kn_progress bar = kn_progress_open(subcommand, RUNS + 1);
     const bool good = improve(served, &s, &fit, &bar);
     kn_progress_close(&bar);

@@ -50,6 +50,10 @@ typedef struct kn_served_lattice {
 // is a cube of 1 cm. Return false if the specimen has fewer than 2 or more than KN_SERVED_CELLS_MAX cells along a side.
 bool kn_served_lattice_cut(kn_served_lattice *served, const kn_curve *curve, double spacing_m);
 
+// Compute what the affine block of a structure leaves on a curve: the root mean square difference of its strain from the
+// readings, as a share of the largest. Return NAN if the material cannot be simulated.
+double kn_affine_block_left(const kn_affine_structure *structure, const kn_material *material, const kn_curve *curve);
+
 // Fit the parameters of the lattice whose structure and cells are set, beginning with those of the element, which the
 // same curves gave. `subcommand` names the progress bar. Return false if memory is short, or if no lattice of this
 // structure repeats the curves at all.
