@@ -93,6 +93,7 @@ static const char *check_lattice(const kn_model_def *def)
     if (!(def->spacing_m > 0 && isfinite(def->spacing_m))) return "spacing must be positive";
     if (!(def->density_kg_m3 > 0 && isfinite(def->density_kg_m3))) return "density must be positive";
     if (!(def->support_friction >= 0 && isfinite(def->support_friction))) return "friction must not be negative";
+    if (!is_real(def->support_depth_m)) return "the depth of the support must not be negative";
     if (def->support == KN_SUPPORT_FRICTION && def->solver.kind == KN_SOLVER_RK4)
         return "a table with friction needs the implicit solver";
     if (!(def->gravity_m_s2 >= 0 && isfinite(def->gravity_m_s2))) return "gravity must not be negative";

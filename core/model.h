@@ -124,6 +124,7 @@ typedef struct kn_model_def {
     kn_skin_form skin;         // skin of a block; the skin of a mesh is its triangles
     kn_support support;
     double support_friction; // FRICTION: coefficient of friction on the table, >= 0
+    double support_depth_m;  // mesh: height above the lowest node up to which the support holds the nodes, >= 0
     int probe_count;         // number of probes, 0 .. KN_PROBES_MAX
     kn_probe_def probe[KN_PROBES_MAX];
     kn_solver_def solver;

@@ -147,7 +147,12 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     printf("frame     scene: right-handed, z up, metres, origin at the centre of the object's base\n");
     printf("support   %s", support[def->support]);
     if (def->support == KN_SUPPORT_FRICTION) printf(" %g", def->support_friction);
+    int held = 0;
+    for (int i = 0; i < model->node_count && def->mesh; i++) held += model->support[i] & 4;
+    if (held > 0) printf(", which holds %d of %d nodes", held / 4, model->node_count);
     printf("; gravity %g m/s^2 along -z\n", def->gravity_m_s2);
+    if (held > 0 && held / 4 < 3)
+        printf("          note: so few nodes hold no object in place; support_depth holds more\n");
 }
 
 // Print how a material without a spring acts. The damper c1 of the Voigt element and the force-dependent damper c2 are

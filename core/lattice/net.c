@@ -206,7 +206,7 @@ static void build_masses(kn_model *m)
     }
 }
 
-// Hold the lowest nodes, which stand on the table, and keep a flat object in its plane.
+// Hold the lowest nodes, which stand on the table, or those up to a height, and keep a flat object in its plane.
 static void build_support(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -216,7 +216,7 @@ static void build_support(kn_model *m)
         for (int k = 0; k < 3; k++) m->size_m = fmax(m->size_m, 2 * fabs(s->x_m[i][k]));
     }
     for (int i = 0; i < s->node_count; i++) {
-        bool base = s->x_m[i][2] <= low + 1e-6 * (high - low);
+        bool base = s->x_m[i][2] <= low + fmax(m->def.support_depth_m, 1e-6 * (high - low));
         m->support[i] = (uint8_t)((base ? kn_support_mask(m->def.support) : 0) | (s->dimension == 2 ? 2 : 0));
     }
 }

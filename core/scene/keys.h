@@ -115,6 +115,8 @@
   X(SUPPORT_FRICTION, TABLE, "support_friction", REAL, 1, "", 0, 10, "0.5",                                           \
     scene.model.support_friction,                                                                                     \
     "coefficient of friction of the table while the object slides; 1.2 times as much while the object sticks")        \
+  X(SUPPORT_DEPTH, MESH, "support_depth", REAL, 1, "m", 0, 10, "",                                                    \
+    scene.model.support_depth_m, "height up to which the support holds the nodes of a mesh; none: only the lowest")   \
   X(PROFILE, ALWAYS, "device.profile", CHOICE, 1, "touch|bench|falcon|omega|unknown", 0, 0, NULL,                     \
     profile,                                                                                                          \
     "haptic device; bench: the virtual hand; short form: device: NAME, or device: FILE.yaml, a file of yours")        \
