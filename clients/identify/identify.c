@@ -46,8 +46,8 @@ static int keep_apart(const kn_identify_options *opt)
     const char *const name[] = {"out", "png", "csv", "report"}, *const output[] = {opt->out, opt->png, opt->csv,
                                                                                    opt->report};
     for (int i = 0; i < 4; i++)
-        for (int k = 0; output[i] && k < opt->files; k++)
-            if (kn_output_same(output[i], opt->file[k]))
+        for (int k = -2; output[i] && k < opt->files; k++)
+            if (kn_output_same(output[i], k < 0 ? (k < -1 ? opt->object : opt->tool) : opt->file[k]))
                 return kn_complain(opt->subcommand, KN_EXIT_USAGE,
                                    "--%s %s: this path is also an input, expected another path", name[i], output[i]);
     for (int i = 0; i < 4; i++)

@@ -545,6 +545,45 @@ static void to_depth(const kn_curve_file *f, kn_curve *c, kn_column_quantity wha
         kn_curve_say(f, "the displacement falls as the force rises: its sign is changed, downwards is positive");
 }
 
+// A force counts as a touch above this share of the largest.
+#define TOUCHED 0.02
+
+// Leave out most of the readings before and after the touch. The tenth of the press that stays on either side shows the
+// place of touch. Refuse a press whose way down is not recorded, or that takes too long for a lattice.
+static int cut_air(kn_curve_file *f, kn_curve *c)
+{
+    const double most = kn_curve_largest(c);
+    int first = 0, last = c->count - 1, before = 0, after = 0, peak = 0;
+    double sum = 0, deepest = -INFINITY;
+    if (!(most > 0)) return kn_curve_refuse(f, c->line[0], -1, "no force above 0, expected a press");
+    while (c->value[first] < TOUCHED * most) sum += c->value[first++];
+    while (c->value[last] < TOUCHED * most && !(c->value[last] < -TOUCHED * most)) last--;
+    while (c->value[peak] < most) peak++;
+    for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
+    if (!(c->other[peak] - c->other[first] > 0.3 * (deepest - c->other[first])))
+        return kn_curve_refuse(
+            f, c->line[0], -1,
+            "the way down is missing: the tool is at %.4g mm when the force begins and at %.4g mm at the "
+            "largest force, expected a press from its begin",
+            1e3 * c->other[first], 1e3 * c->other[peak]);
+    const double took_s = c->time_s[last] - c->time_s[first], most_s = 600;
+    if (took_s > most_s)
+        return kn_curve_refuse(f, c->line[last], -1,
+                               "a press of %.4g s, expected at most %g s; is the unit of time right?", took_s, most_s);
+    if (first > 4 && fabs(sum / first) > 0.01 * most)
+        kn_curve_say(f, "before the touch the force is %.2g N on average, not 0: the gauge was not zeroed well",
+                     sum / first);
+    for (int i = 0; i < c->count; i++) {
+        before += c->time_s[i] < c->time_s[first] - 0.1 * took_s;
+        after += c->time_s[i] > c->time_s[last] + 0.1 * took_s;
+    }
+    kn_curve_say_left_out(f, before, "long before the touch");
+    kn_curve_say_left_out(f, after, "long after the touch");
+    c->count -= after;
+    kn_curve_skip(c, before);
+    return KN_EXIT_OK;
+}
+
 static int load_press(kn_curve_file *f)
 {
     static const kn_column_quantity depths[] = {KN_DISPLACEMENT, KN_HEIGHT};
@@ -573,17 +612,22 @@ static int load_press(kn_curve_file *f)
     to_depth(f, c, what);
     for (int n = 0; n < s->notes; n++)
         if (!strcmp(s->note[n].key, "tool")) snprintf(c->tool, sizeof c->tool, "%s", s->note[n].value);
-    // The tool turns where it reaches its deepest place and where it leaves it.
-    double low = c->other[0], high = low, turn_s[2];
+    code = cut_air(f, c);
+    if (code != KN_EXIT_OK) return code;
+    // The readings change their course at the touch and where the tool reaches its deepest place and leaves it.
+    double low = c->other[0], high = low;
     for (int i = 0; i < c->count; i++) low = fmin(low, c->other[i]), high = fmax(high, c->other[i]);
-    int first = 0, last = c->count - 1;
+    int touch = 0, first = 0, last = c->count - 1, changes = 0;
+    while (c->value[touch] < TOUCHED * kn_curve_largest(c)) touch++;
     while (c->other[first] < high - 0.01 * (high - low)) first++;
     while (c->other[last] < high - 0.01 * (high - low)) last--;
-    turn_s[0] = c->time_s[first], turn_s[1] = c->time_s[last];
+    double change_s[3];
+    const int at[3] = {touch, first, last};
+    for (int i = 0; i < 3; i++)
+        if (changes == 0 || c->time_s[at[i]] > change_s[changes - 1]) change_s[changes++] = c->time_s[at[i]];
     kn_curve_say(f, "%s: %d readings in %.4g s, force up to %.4g N, depth from %.4g to %.4g mm", c->name, c->count,
                  c->time_s[c->count - 1] - c->time_s[0], kn_curve_largest(c), 1e3 * low, 1e3 * high);
-    if (!(high > low)) return kn_curve_refuse(f, c->line[0], depth, "the depth never changes, expected a press");
-    return kn_curve_finish(f, c, turn_s[1] > turn_s[0] ? 2 : 1, turn_s);
+    return kn_curve_finish(f, c, changes, change_s);
 }
 
 // ---- loading one file

@@ -22,7 +22,8 @@ static const char help[] =
     "It may include the withdrawal. The place of touch is fitted, so depth may count from anywhere.\n"
     "The force is 0 without touch, and the tool presses in the middle of the object, straight down.\n\n"
     "  --object SCENE         a scene with the pressed object: a block, its cells, structure and support\n"
-    "  --tool TOOL            the tool: the name of one of the scene's probes, or a file whose first probe it is:\n"
+    "  --tool TOOL            the tool: the name of one of the scene's probes, or a file (with a . or / in its name),\n"
+    "                         whose first probe it is:\n"
     "                             probes:\n"
     "                               - {name: ball, shape: sphere, radius: 1 cm}\n"
     "                         a line '# tool: TOOL' in a file of readings names another tool for that press\n"
@@ -36,10 +37,10 @@ static const char help[] =
     "  --png FILE             plot of measured, fitted and predicted forces with their 95 % bands, by gnuplot\n"
     "  --csv FILE             table of readings and fit\n"
     "  --json                 print the results as JSON\n\n"
-    "The output gives the best parameters and their 95 % intervals. With one press they follow from the noise.\n"
-    "With several, which count as replicates, they follow from the spread between the presses.\n"
-    "A fit with --out that was killed goes on where it was, from FILE.fit, if it is started again.\n"
-    "Exit codes: 0 ok, 1 the lattice does not follow the presses, 2 bad input, 3 a file cannot be written.\n";
+    "The output gives the best parameters and their 95 % intervals. With one press, the intervals come from the noise.\n"
+    "With several, which count as replicates, they come from the spread between the presses.\n"
+    "If a fit with --out is killed, run the same command again; it continues from FILE.fit.\n"
+    "Exit codes: 0 ok, 1 --out is refused, since the lattice does not follow the presses, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
 
 // ---- object and tools
@@ -60,23 +61,28 @@ static char *read_text(const char *path, char *error, size_t error_size)
     return NULL;
 }
 
-// Load the file of a tool. If it is not a whole scene, an object with the spacing of the pressed one is added to it.
+// Load the file of a tool. The keys that make it a whole scene are added, with the spacing of the pressed object.
 static kn_scene *load_tool(const char *path, const kn_scene *object, char *error, size_t error_size)
 {
-    char more[200], why[500];
-    size_t begin, end;
-    char *text = read_text(path, error, error_size);
-    if (!text) return NULL;
+    char why[500];
+    size_t begin, end, size = 0;
+    char *text = read_text(path, error, error_size), *all = NULL;
+    FILE *f = text ? open_memstream(&all, &size) : NULL;
+    if (!f) {
+        free(text);
+        return NULL;
+    }
     const double h = object->model.spacing_m;
-    snprintf(more, sizeof more, "\nversion: 1\nobject: {size: [%.9g m, %.9g m, %.9g m], spacing: %.9g m}\n", 4 * h,
-             4 * h, 4 * h, h);
-    const bool whole = !kn_yaml_patch_find(text, "object", &begin, &end, why, sizeof why) || end > begin;
-    char *all = NULL;
-    size_t size = 0;
-    FILE *f = open_memstream(&all, &size);
-    if (f)
-        fprintf(f, "%s%s%s", text, whole ? "" : more, whole ? "" : "material: dough\nsupport: bonded\ndevice: bench\n");
-    if (f) fclose(f);
+    static const char *const keys[][2] = {
+        {"version", "1"}, {"material", "dough"}, {"support", "bonded"}, {"device", "bench"}};
+    fprintf(f, "%s\n", text);
+    // what is missing is added; in a text that cannot be read, the parser finds the mistake
+    for (int i = 0; i < 4; i++)
+        if (kn_yaml_patch_find(text, keys[i][0], &begin, &end, why, sizeof why) && begin == end)
+            fprintf(f, "%s: %s\n", keys[i][0], keys[i][1]);
+    if (kn_yaml_patch_find(text, "object", &begin, &end, why, sizeof why) && begin == end)
+        fprintf(f, "object: {size: [%.9g m, %.9g m, %.9g m], spacing: %.9g m}\n", 4 * h, 4 * h, 4 * h, h);
+    fclose(f);
     kn_scene *scene = all ? kn_scene_parse(path, all, size, NULL, 0, why, sizeof why) : NULL;
     int lines = 1, line = 0, skip = 0;
     for (const char *c = text; *c; c++) lines += *c == '\n';
@@ -108,8 +114,13 @@ static int find_tool(kn_identification *w, int press, const char *name)
     if (p->tool) return KN_EXIT_OK;
     if (!strpbrk(name, "./"))
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                           "--tool %s: %s has no such probe, expected one of its probes or a file", name,
-                           w->opt.object);
+                           "%s: the tool '%s' is no probe of %s, expected one of its probes, or a file",
+                           *w->curve[press].tool ? w->curve[press].file : "--tool", name, w->opt.object);
+    const char *const outputs[] = {w->opt.out, w->opt.png, w->opt.csv, w->opt.report};
+    for (int i = 0; i < 4; i++)
+        if (kn_output_same(outputs[i], name))
+            return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                               "%s: is the tool and an output, expected another output", name);
     kn_scene *scene = w->scene[1 + press] = load_tool(name, object, error, sizeof error);
     if (!scene) return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s", error);
     p->tool = &scene->model.probe[0];
@@ -128,13 +139,93 @@ static int load_object(kn_identification *w)
     if (scene->model.mesh || scene->model.thickness_m > 0)
         return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s: the object is %s, expected a block", path,
                            scene->model.mesh ? "a mesh" : "flat");
+    if (scene->model.support == KN_SUPPORT_NONE || scene->model.support == KN_SUPPORT_FRICTION)
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "%s: the support holds no object in place, expected bonded or frictionless", path);
     if (scene->model.solver.kind != KN_SOLVER_IMPLICIT)
-        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s:%d:%d: another solver, expected solver.kind: implicit",
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s:%d:%d: solver.kind is not implicit, which press needs",
                            path, scene->solver_line, scene->solver_col);
     return KN_EXIT_OK;
 }
 
+// ---- the scene of the result
+
+// Return the text of the object's scene without material and density, with this label, and with the tools that came from
+// files. Return NULL with a sentence in `error` on failure. The caller frees the text.
+static char *scene_text(const kn_identification *w, const char *label, char *error, size_t error_size)
+{
+    char *text = strdup(w->scene[0]->text), *probes = NULL;
+    size_t begin = 0, end = 0, size = 0;
+    bool more = false;
+    FILE *f = text ? open_memstream(&probes, &size) : NULL;
+    for (int k = 0; k <= w->curves && f; k++) {
+        const char *from = w->scene[k] ? w->scene[k]->text : NULL;
+        if (!from || !kn_yaml_patch_find(from, "probes", &begin, &end, error, error_size) || begin == end) continue;
+        const char *items = strchr(from + begin, '\n') + 1; // the lines below `probes:`
+        fprintf(f, "%s%.*s", size == 0 && ftell(f) == 0 ? "probes:\n" : "", (int)(from + end - items), items);
+        more |= k > 0;
+    }
+    if (f) fclose(f);
+    const char *const patch[][2] = {
+        {"label", label}, {"material", ""}, {"density", ""}, {"probes", more ? probes : NULL}};
+    for (int i = 0; i < 4 && text; i++) {
+        if (!patch[i][1]) continue;
+        char *next = kn_yaml_patch(text, patch[i][0], patch[i][1], error, error_size);
+        free(text);
+        text = next;
+    }
+    free(probes);
+    return text;
+}
+
+// Check before the fit that the scene of the result will load.
+static int try_scene(const kn_identification *w)
+{
+    char error[600], *whole = NULL, *text = scene_text(w, "label: x\n", error, sizeof error);
+    size_t size = 0;
+    FILE *f = text ? open_memstream(&whole, &size) : NULL;
+    if (f) fprintf(f, "%smaterial: dough\ndensity: 1200 kg/m^3\n", text);
+    if (f) fclose(f);
+    kn_scene *scene = whole ? kn_scene_parse("scene", whole, size, NULL, 0, error, sizeof error) : NULL;
+    const bool good = scene;
+    kn_scene_destroy(scene);
+    free(whole);
+    free(text);
+    if (good) return KN_EXIT_OK;
+    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE, "%s with this tool is no scene: %s", w->opt.object, error);
+}
+
 // ---- the fit
+
+static const char kept_mark[] = "knead identify press ";
+
+// Check that the file that keeps an interrupted fit is not somebody else's.
+static int try_kept(const kn_identification *w, const char *kept)
+{
+    char begin[sizeof kept_mark] = "";
+    FILE *f = *kept ? fopen(kept, "r") : NULL;
+    const bool ours = !f || (fread(begin, 1, sizeof begin - 1, f) > 0 && !strcmp(begin, kept_mark));
+    if (f) fclose(f);
+    if (ours) return KN_EXIT_OK;
+    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                       "%s: is needed for a fit that is interrupted, but was not written by knead identify press",
+                       kept);
+}
+// Refuse a press that is too deep for the object.
+static int try_depth(const kn_identification *w, int press)
+{
+    const kn_curve *c = &w->curve[press];
+    double extent_m[3], deepest = -INFINITY;
+    int first = 0;
+    kn_model_def_extent(&w->scene[0]->model, extent_m);
+    while (c->value[first] < 0.02 * kn_curve_largest(c)) first++;
+    for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
+    const double depth_m = deepest - c->other[first], most_m = 0.8 * extent_m[2];
+    if (depth_m <= most_m) return KN_EXIT_OK;
+    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                       "%s: a press of %.3g mm, expected at most %.3g mm (0.8 of the object's height)", c->file,
+                       1e3 * depth_m, 1e3 * most_m);
+}
 
 static int fit(kn_identification *w)
 {
@@ -146,6 +237,7 @@ static int fit(kn_identification *w)
     object = w->scene[0]->model;
     // A material whose damper does not depend on the stress says nothing about P0 and P1, so begin with the dough.
     if (object.material.damper != KN_DAMPER_EXPONENTIAL) object.material = kn_model_def_default().material;
+    if (w->opt.density_kg_m3 > 0) object.density_kg_m3 = w->opt.density_kg_m3;
     f->presses = w->curves, f->fitted = w->opt.files - w->opt.helds;
     f->inputs = kn_hash_bytes(KN_HASH_SEED, w->scene[0]->text, strlen(w->scene[0]->text));
     for (int k = 0; k < w->curves && code == KN_EXIT_OK; k++) {
@@ -154,20 +246,24 @@ static int fit(kn_identification *w)
         f->press[k].curve = c;
         if (!name)
             return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                               "%s: pressed with what?, expected --tool or a line '# tool: NAME' in the file", c->file);
+                               "%s: the tool is not known, expected --tool, or a line '# tool: NAME' in the file",
+                               c->file);
         code = find_tool(w, k, name);
         const double *const each[] = {c->time_s, c->value, c->other};
         for (int i = 0; i < 3; i++) f->inputs = kn_hash_bytes(f->inputs, each[i], (size_t)c->count * sizeof **each);
-        if (code == KN_EXIT_OK) f->inputs = kn_hash_bytes(f->inputs, f->press[k].tool, offsetof(kn_probe_def, parts));
+        const char *from = w->scene[1 + k] ? w->scene[1 + k]->text : name;
+        f->inputs = kn_hash_bytes(f->inputs, from, strlen(from));
+        if (code == KN_EXIT_OK) code = try_depth(w, k);
     }
     if (code != KN_EXIT_OK) return code;
     f->subcommand = w->opt.subcommand, f->object = &object, f->compliance_m_n = w->opt.compliance_m_n;
-    f->inputs = kn_hash_bytes(f->inputs, &f->compliance_m_n, sizeof f->compliance_m_n);
+    const double more[] = {f->compliance_m_n, object.density_kg_m3, f->fitted};
+    f->inputs = kn_hash_bytes(f->inputs, more, sizeof more);
     snprintf(kept, sizeof kept, "%s%s", w->opt.out ? w->opt.out : "", w->opt.out ? ".fit" : "");
     f->resume = kept;
-    code = kn_press_fit_run(f);
-    if (code == KN_EXIT_OK && *kept) remove(kept);
-    return code;
+    code = try_kept(w, kept);
+    if (code == KN_EXIT_OK) code = try_scene(w);
+    return code == KN_EXIT_OK ? kn_press_fit_run(f) : code;
 }
 
 static double worst_left(const kn_press_fit *f)
@@ -195,8 +291,8 @@ static void doubt(kn_identification *w)
         if (p->pull_n_s > 0)
             kn_identify_note(
                 w,
-                "%s: a pull of %.3g N s is left out, since the tool has no adhesion; expected adhesion of the "
-                "probe if the object sticks",
+                "%s: a pull of %.3g N s is left out, since the tool has no adhesion; if the object sticks, give the "
+                "probe an adhesion",
                 p->curve->name, p->pull_n_s);
         if (k >= f->fitted && !(p->left <= KN_IDENTIFY_FOLLOWS))
             kn_identify_note(w, "%s: the law does not predict this press: %.0f %% of its largest force are left",
@@ -213,14 +309,14 @@ static void predicted(const kn_press_fit *f, char *text, size_t size)
     int used = 0;
     *text = 0;
     for (int k = f->fitted; k < f->presses && used < (int)size - 120; k++)
-        used +=
-            snprintf(text + used, size - (size_t)used, "%s %s %.2g",
-                     k > f->fitted ? "," : "Predicted, not fitted:", f->press[k].curve->name, 100 * f->press[k].left);
+        used += snprintf(text + used, size - (size_t)used, "%s %s %.2g",
+                         k > f->fitted ? "," : "Predicted, not fitted, left %:", f->press[k].curve->name,
+                         100 * f->press[k].left);
     for (int k = 0; k < f->fitted && f->fitted > 1 && used < (int)size - 120; k++)
         used += snprintf(text + used, size - (size_t)used, "%s %.2g",
                          k                        ? ","
-                         : f->presses > f->fitted ? ". Left out in turn:"
-                                                  : "Left out in turn and predicted:",
+                         : f->presses > f->fitted ? ". Left out in turn, left %:"
+                                                  : "Left out in turn and predicted, left %:",
                          100 * f->press[k].lone);
     if (used == 0) snprintf(text, size, "No other press was predicted");
 }
@@ -251,7 +347,7 @@ static void tell(kn_identification *w)
     printf("left: rms difference of the forces, %% of the largest, as kneadd steps the lattice.\n"
            "left out: the same for a fit without this press\n");
     predicted(f, text, sizeof text);
-    printf("%s (rms, %% of the largest force)\nthe lattice was pressed %d times\n\n", text, f->runs);
+    printf("%s\nthe lattice was pressed %d times\n\n", text, f->runs);
     doubt(w);
     kn_identify_tell_numbers(KN_ESTIMATE_NUMBERS, f->number);
     if (f->compliance.name) kn_identify_tell_numbers(1, &f->compliance);
@@ -281,7 +377,7 @@ static int draw(kn_identification *w, const char *path)
     if (!edge) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "out of memory");
     p[0] = (kn_figure_panel){.title = "force over time, with 95 % band", .x_label = "time, s", .y_label = "force, N"};
     p[1] = (kn_figure_panel){.title = "force over depth", .x_label = "depth reading, mm", .y_label = "force, N"};
-    for (int k = 0; k < f->presses; k++) {
+    for (int k = 0; k < f->presses && 4 * k + 4 <= KN_FIGURE_SERIES; k++) {
         const kn_press_record *r = &f->press[k];
         const kn_curve *c = r->curve;
         const kn_figure_look look = k < f->fitted ? KN_FIGURE_LINE : KN_FIGURE_DASHES;
@@ -303,11 +399,11 @@ static int draw(kn_identification *w, const char *path)
     return code;
 }
 
-// Write the object's scene with the fitted material, its tool and its label.
+// Write the object's scene with the fitted material, its tools and its label.
 static int write_scene(const kn_identification *w, const char *path)
 {
     const kn_press_fit *f = &w->press;
-    char origin[600], source[KN_SOURCE_MAX], told[400], label[1400], error[300];
+    char origin[600], source[KN_SOURCE_MAX], told[400], label[1400], error[600];
     kn_material_source(w->opt.file[0], f->fitted, source);
     if (!(worst_left(f) <= KN_IDENTIFY_FOLLOWS) && !w->opt.anyway)
         return kn_complain(
@@ -326,25 +422,12 @@ static int write_scene(const kn_identification *w, const char *path)
     snprintf(label + used, sizeof label - (size_t)used, "%s. %s.\n",
              !(worst_left(f) <= KN_IDENTIFY_FOLLOWS) ? ": too much" : "", told);
     snprintf(origin, sizeof origin, "press from %s: %d press%s.", source, f->fitted, f->fitted > 1 ? "es" : "");
-    // Replace the label, drop the material and its density, and add the tool if it came from a file.
-    const kn_scene *tool = w->scene[1];
-    char *text = strdup(w->scene[0]->text), *probes = NULL;
-    size_t begin = 0, end = 0;
-    if (tool && kn_yaml_patch_find(tool->text, "probes", &begin, &end, error, sizeof error))
-        probes = strndup(tool->text + begin, end - begin);
-    const char *const patch[][2] = {{"label", label}, {"material", ""}, {"density", ""}, {"probes", probes}};
-    for (int i = 0; i < 4 && text; i++) {
-        if (!patch[i][1]) continue;
-        char *next = kn_yaml_patch(text, patch[i][0], patch[i][1], error, sizeof error);
-        free(text);
-        text = next;
-    }
-    free(probes);
+    char *text = scene_text(w, label, error, sizeof error);
     if (!text) return kn_complain(w->opt.subcommand, KN_EXIT_INTERNAL, "%s: %s", path, error);
-    const double density = w->opt.density_kg_m3 > 0 ? w->opt.density_kg_m3 : f->object->density_kg_m3;
-    const int code = kn_material_file_write(w->opt.subcommand, path, origin, text, &f->material, density,
-                                            KN_ESTIMATE_NUMBERS, f->number);
+    const int code = kn_material_file_write(w->opt.subcommand, path, origin, text, &f->material,
+                                            f->object->density_kg_m3, KN_ESTIMATE_NUMBERS, f->number);
     free(text);
+    if (code == KN_EXIT_OK && *f->resume && path == w->opt.out) remove(f->resume);
     return code;
 }
 
@@ -371,7 +454,10 @@ static int report(kn_identification *w, kn_document *d)
     if (code != KN_EXIT_OK) return code;
     kn_document_picture(d, "fit.png", "Force over time and over depth of every press, with the force of the lattice",
                         "Points: measured. Lines: fitted. Dashes: predicted, and the 95 % bands.");
-    return kn_identify_page_files(w, d, "readings.csv", "readings and fit", worst_left(f) <= KN_IDENTIFY_FOLLOWS);
+    int done = kn_identify_page_files(w, d, "readings.csv", "readings and fit", false);
+    if (done != KN_EXIT_OK || !(worst_left(f) <= KN_IDENTIFY_FOLLOWS || w->opt.anyway)) return done;
+    kn_document_link(d, "scene.yaml", "the scene with the fitted material, for kneadd");
+    return write_scene(w, kn_document_file(d, "scene.yaml", path));
 }
 
 const kn_identify_experiment kn_identify_press = {.subcommand = "identify press",

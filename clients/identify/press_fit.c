@@ -16,7 +16,8 @@
 
 enum { COMPLIANCE = KN_ESTIMATE_NUMBERS, TOUCH }; // indices of the unknowns; TOUCH + k: place of touch of press k
 
-#define STEPS 1500 // of a press in the search
+#define STEPS 1500    // of a press in the search
+#define LONGEST 0.008 // s, of such a step: a ball's contact needs many iterations in longer ones
 
 typedef struct path { // of a tool: its depth in the object
     const kn_curve *curve;
@@ -78,7 +79,7 @@ static kn_model *make_model(const kn_press_fit *fit, const kn_press_record *p, c
     def.probe[0].coupling_n_m = def.probe[0].coupling_n_s_m = 0;
     if (p->tool->shape != KN_PROBE_PLATE && compliance_m_n > 1e-9) def.probe[0].coupling_n_m = 1 / compliance_m_n;
     if (search) {
-        def.solver.dt_s = fmin(fmax((c->time_s[c->count - 1] - c->time_s[0]) / STEPS, 1e-3), 1e-2);
+        def.solver.dt_s = fmin(fmax((c->time_s[c->count - 1] - c->time_s[0]) / STEPS, 1e-3), LONGEST);
         def.solver.iterations_max = 100; // longer steps need more iterations
     }
     return kn_model_build(&def, error, sizeof error);
@@ -153,8 +154,11 @@ static bool run_jobs(int count, job *all)
 
 typedef struct search {
     kn_press_fit *fit;
-    bool constant;        // the material has a constant damper
-    int first, end;       // presses that are compared: first..end-1
+    int first, end; // presses that are compared: first..end-1
+    bool keeps;     // the stages are over: keep the best values for an interrupted fit
+    bool served;    // use the scene's own solver, not the longer steps of the search
+    // [readings] residuals with the scene's own solver minus those of the search, at the values of the last round
+    double *shift;
     int readings;         // of the fitted presses
     double *force;        // [readings of all presses] scratch
     double least, kept_s; // least sum of squares so far; time when the file to resume was last written
@@ -198,25 +202,27 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
 {
     search *s = of;
     const kn_press_fit *fit = s->fit;
-    const kn_material material = kn_lattice_material(value, s->constant);
+    const kn_material material = kn_lattice_material(value, false);
     job jobs[KN_CURVES_MAX];
+    const double *shift = s->shift;
     double *force = s->force, sum = 0;
     for (int k = s->first; k < s->end; force += fit->press[k++].curve->count)
         jobs[k - s->first] =
-            (job){fit, &fit->press[k], &material, value[TOUCH + k], value[COMPLIANCE], force, .search = true};
+            (job){fit, &fit->press[k], &material, value[TOUCH + k], value[COMPLIANCE], force, .search = !s->served};
     if (!run_jobs(s->end - s->first, jobs)) return false;
     force = s->force;
     for (int k = s->first; k < s->end; k++) {
         const kn_press_record *p = &fit->press[k];
         for (int i = 0; i < p->curve->count; i++) {
-            const double r = (*force++ - p->curve->value[i]) / p->sigma_n[i];
+            double r = (*force++ - p->curve->value[i]) / p->sigma_n[i];
+            if (s->first == 0 && !s->served) r += *shift++;
             *residual++ = r, sum += r * r;
         }
     }
     s->bar.total = fmax(s->bar.total, ++s->fit->runs / 0.95);
     kn_progress_step(&s->bar, s->fit->runs);
-    if (s->first == 0) keep(s, value, sum);
-    return true;
+    if (s->keeps && s->first == 0 && !s->served) keep(s, value, sum);
+    return !kn_interrupted;
 }
 
 static double inwards(const kn_fit_unknown *u, double value) { return u->linear ? value : log(value); }
@@ -248,6 +254,14 @@ static int peak_of(const kn_curve *c)
     return peak;
 }
 
+// Return the first reading with a force that is more than noise.
+static int touched(const kn_curve *c)
+{
+    int first = 0;
+    while (c->value[first] < fmax(0.01 * kn_curve_largest(c), fmin(4 * c->noise, 0.1 * kn_curve_largest(c)))) first++;
+    return first;
+}
+
 // Set sigma, leave out the pull that the tool cannot give, and guess the place of touch with its bounds.
 static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
 {
@@ -264,12 +278,11 @@ static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
         p->sigma_n[i] = INFINITY;
         p->pull_n_s -= c->value[i] * (c->time_s[i] - c->time_s[i - 1]);
     }
-    int first = 0;
-    while (first < peak && c->value[first] < fmax(0.01 * most, 4 * c->noise)) first++;
-    const double range = c->other[peak] - c->other[0];
-    *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .low = c->other[0] - 0.3 * range};
-    touch->high = c->other[first] + 0.3 * (c->other[peak] - c->other[first]);
-    touch->value = first > 0 ? c->other[first] : c->other[0] - 0.01 * range;
+    const int first = touched(c);
+    const double range = c->other[peak] - c->other[first];
+    *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .low = c->other[first] - 0.3 * range};
+    touch->high = c->other[first] + 0.3 * range;
+    touch->value = first > 0 ? c->other[first] : c->other[first] - 0.01 * range;
     return true;
 }
 
@@ -325,7 +338,7 @@ static bool find_start(search *s, const kn_fit *fit, kn_material *m)
 
 // ---- intervals and bands
 
-// Fit the linearised model without each press in turn. Set the covariance to that of the jackknife, and compute how well
+// Fit the linearised model without each press in turn. Set the covariance to that of the jackknife, if it is larger, and compute how well
 // the press that was left out is predicted once its place of touch is fitted.
 static void jackknife(search *s, kn_fit *best, kn_fit *trial, double *residual)
 {
@@ -349,18 +362,21 @@ static void jackknife(search *s, kn_fit *best, kn_fit *trial, double *residual)
         s->without = -1, s->only = k;
         if (!good || !kn_fit_run(trial)) continue;
         double sum = 0;
+        int all = 0;
         kn_fit_values(trial, value);
         misfit_straight(s, value, residual);
         for (int n = 0; n < p->curve->count; n++)
-            if (isfinite(p->sigma_n[n])) sum += pow(residual[from + n] * p->sigma_n[n], 2);
-        p->lone = sqrt(sum / p->curve->count) / kn_curve_largest(p->curve);
+            if (isfinite(p->sigma_n[n])) all++, sum += pow(residual[from + n] * p->sigma_n[n], 2);
+        p->lone = sqrt(sum / all) / kn_curve_largest(p->curve);
     }
     for (int a = 0; a < unknowns; a++)
         for (int b = 0; b < unknowns; b++) {
-            double *to = &best->covariance[a][b];
-            *to = 0;
+            double spread = 0, *to = &best->covariance[a][b];
+            const double noise = *to * best->scale * best->scale;
             for (int k = 0; k < count; k++)
-                *to += (count - 1.0) / count * (moved[k][a] - mean[a]) * (moved[k][b] - mean[b]);
+                spread += (count - 1.0) / count * (moved[k][a] - mean[a]) * (moved[k][b] - mean[b]);
+            *to = a == b && !(spread > noise) ? noise
+                                              : spread; // presses that happen to agree tell no more than their noise
         }
     best->scale = 1;
     best->freedom = count - 1;
@@ -409,6 +425,7 @@ static kn_fit_interval interval_of(search *s, const kn_fit *best, kn_fit *trial,
     for (int side = 0; side < 2 && !u->fixed; side++) {
         double *end = side ? &i.high : &i.low, bound = side ? u->high : u->low;
         bool *open = side ? &i.open_high : &i.open_low;
+        i.how = KN_FIT_PROFILE;
         while (!*open && risen(s, best, trial, residual, unknown, *end) < 0.8 * t) {
             const double next = here + 1.6 * (inwards(u, *end) - here);
             const bool far = !u->linear && fabs(next - here) > log(FAR);
@@ -439,34 +456,33 @@ static void make_bands(search *s, const kn_fit *best, double scatter, const doub
     }
 }
 
-// Predict the presses that are held out: fit their places of touch, and compute their bands.
-static bool predict(search *s, kn_fit *best, kn_fit *trial, double scatter)
+// Predict one press that is held out: fit its place of touch, and compute its band.
+static bool predict(search *s, kn_fit *best, kn_fit *trial, double scatter, int press)
 {
-    int readings = 0;
-    s->first = s->fit->fitted, s->end = s->fit->presses;
-    for (int k = s->first; k < s->end; k++) readings += s->fit->press[k].curve->count;
+    const int readings = s->fit->press[press].curve->count, touch = TOUCH + press;
     double *slope = calloc((size_t)(best->unknowns + 1) * (size_t)readings, sizeof *slope);
     if (!slope) return false;
+    s->first = press, s->end = press + 1;
     *trial = *best;
     trial->readings = readings, trial->jacobian = NULL;
-    for (int u = 0; u < best->unknowns; u++) trial->unknown[u].fixed = u < TOUCH + s->first;
-    const bool good = kn_fit_run(trial);
-    for (int u = TOUCH + s->first; u < best->unknowns && good; u++) best->unknown[u].value = trial->unknown[u].value;
+    for (int u = 0; u < best->unknowns; u++) trial->unknown[u].fixed = u != touch;
+    bool good = kn_fit_search(trial);
+    best->unknown[touch].value = trial->unknown[touch].value;
     double value[KN_FIT_UNKNOWNS], *here = slope + best->unknowns * readings;
     kn_fit_values(best, value);
-    bool ok = good && misfit(s, value, here);
-    for (int u = 0; u < TOUCH && ok; u++) {
+    good = good && misfit(s, value, here);
+    for (int u = 0; u < TOUCH && good; u++) {
         const kn_fit_unknown *is = &best->unknown[u];
         const double step = is->linear ? 0.01 * (is->high - is->low) : 0.01, old = value[u];
         if (is->fixed) continue;
         value[u] = is->linear ? old + step : old * exp(step);
-        ok = misfit(s, value, slope + u * readings);
+        good = misfit(s, value, slope + u * readings);
         value[u] = old;
         for (int i = 0; i < readings; i++) slope[u * readings + i] = (slope[u * readings + i] - here[i]) / step;
     }
-    if (ok) make_bands(s, best, scatter, slope, readings);
+    if (good) make_bands(s, best, scatter, slope, readings);
     free(slope);
-    return ok;
+    return good;
 }
 
 // ---- the results
@@ -506,7 +522,23 @@ static bool search_in_stages(kn_fit *fit)
         good = kn_fit_search(fit);
     }
     for (int u = 0; u < TOUCH; u++) fit->unknown[u].fixed = fixed[u];
-    return good && kn_lattice_fit(fit);
+    ((search *)fit->of)->keeps = true;
+    return good && kn_fit_search(fit);
+}
+
+// Press the lattice with the scene's own solver at the present values, and shift the residuals of the search to these.
+static bool shift_to_served(search *s, const kn_fit *fit, double *residual)
+{
+    double value[KN_FIT_UNKNOWNS];
+    kn_fit_values(fit, value);
+    memset(s->shift, 0, (size_t)s->readings * sizeof *s->shift);
+    bool good = misfit(s, value, residual);
+    s->served = true;
+    good = good && misfit(s, value, s->shift);
+    s->served = false;
+    for (int i = 0; i < s->readings; i++) s->shift[i] -= residual[i];
+    s->least = INFINITY; // sums from before are no longer comparable
+    return good;
 }
 
 // Search, then find intervals and bands. `trial` and `residual` are scratch.
@@ -514,9 +546,11 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
 {
     kn_press_fit *fit = s->fit;
     double value[KN_FIT_UNKNOWNS];
-    if (!(fit->resumed ? kn_lattice_fit(best) : search_in_stages(best))) return false;
+    if (!(fit->resumed || search_in_stages(best))) return false;
+    for (int round = 0; round < 2; round++)
+        if (!shift_to_served(s, best, residual) || !kn_lattice_fit(best)) return false;
     kn_fit_values(best, value);
-    fit->material = kn_lattice_material(value, s->constant);
+    fit->material = kn_lattice_material(value, false);
     fit->compliance_m_n = value[COMPLIANCE];
     if (!misfit(s, value, residual)) return false;
     s->best = best, s->at = residual, s->slope = best->jacobian;
@@ -533,10 +567,16 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
                                       : interval_of(s, best, trial, spare, u);
     free(spare);
     kn_lattice_numbers(fit->number, best, &fit->material, interval);
-    if (!best->unknown[COMPLIANCE].fixed)
+    if (!best->unknown[COMPLIANCE].fixed) {
         kn_parameter_estimate_set(&fit->compliance, "frame", "m/N", value[COMPLIANCE], interval[COMPLIANCE]);
+        if (fit->compliance.known == KN_UNKNOWN)
+            snprintf(fit->compliance.words, sizeof fit->compliance.words,
+                     "not determined by these measurements; the fit uses %.3g m/N", value[COMPLIANCE]);
+    }
     make_bands(s, best, scatter, best->jacobian, best->readings);
-    return fit->fitted == fit->presses || predict(s, best, trial, scatter);
+    for (int k = fit->fitted; k < fit->presses; k++)
+        if (!predict(s, best, trial, scatter, k)) return false;
+    return true;
 }
 
 int kn_press_fit_run(kn_press_fit *fit)
@@ -557,8 +597,8 @@ int kn_press_fit_run(kn_press_fit *fit)
         all += c->count;
         if (k < fit->fitted) s.readings += c->count;
         most = fmax(most, kn_curve_largest(c));
-        // a frame that takes up a third of the way is no frame
-        const double yields = 0.3 * (c->other[peak_of(c)] - c->other[0]) / kn_curve_largest(c);
+        // bound: the frame yields by at most 30 % of the way down
+        const double yields = 0.3 * (c->other[peak_of(c)] - c->other[touched(c)]) / kn_curve_largest(c);
         kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
         frame->high = k == 0 ? yields : fmin(frame->high, yields);
     }
@@ -568,16 +608,16 @@ int kn_press_fit_run(kn_press_fit *fit)
     frame->value = given ? fit->compliance_m_n : 0.03 * frame->high;
     best.readings = s.readings;
     best.jacobian = calloc((size_t)best.unknowns * (size_t)s.readings, sizeof *best.jacobian);
-    double *residual = calloc((size_t)s.readings, sizeof *residual);
+    double *residual = calloc(2 * (size_t)s.readings, sizeof *residual);
+    s.shift = residual ? residual + s.readings : NULL;
     s.force = calloc((size_t)all, sizeof *s.force);
-    s.constant = start.damper == KN_DAMPER_CONSTANT;
     s.bar = kn_progress_open(fit->subcommand, 100);
     int code = KN_EXIT_OK;
     if (!best.jacobian || !residual || !s.force) code = kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
     else {
         double kept[KN_FIT_UNKNOWNS];
         fit->resumed = resume(fit, best.unknowns, kept);
-        if (fit->resumed) start = kn_lattice_material(kept, s.constant);
+        if (fit->resumed) start = kn_lattice_material(kept, false);
         bool good = fit->resumed || find_start(&s, &best, &start);
         // the stress in an edge is at most the whole force on the area of one node
         kn_lattice_unknowns(&best, &start, most / pow(fit->object->spacing_m, 2));
@@ -585,7 +625,8 @@ int kn_press_fit_run(kn_press_fit *fit)
         for (int i = COMPLIANCE; i < best.unknowns && fit->resumed; i++) best.unknown[i].value = kept[i];
         good = good && solve(&s, &best, &trial, residual) && press_as_served(fit, &best);
         kn_progress_close(&s.bar);
-        if (!good)
+        if (kn_interrupted) code = KN_EXIT_FAILED; // the caller ends the process
+        else if (!good)
             code =
                 kn_complain(fit->subcommand, KN_EXIT_USAGE,
                             "%s: no material lets this lattice follow the press; expected a tool and an object as they "

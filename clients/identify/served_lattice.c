@@ -1,6 +1,7 @@
 #include "clients/identify/served_lattice.h"
 #include "clients/cli/command.h"
 #include "core/level_plate.h"
+#include "core/scene/keys.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -241,13 +242,14 @@ void kn_lattice_unknowns(kn_fit *fit, const kn_material *m, double highest_pa)
                                                constant ? 1 : m->beta_per_pa,
                                                constant ? 1 : m->p0_pa,
                                                constant ? 1 : m->p1_pa - m->p0_pa};
+    static const kn_key_id key[] = {KN_KEY_K1, KN_KEY_C1, KN_KEY_ALPHA, KN_KEY_BETA, KN_KEY_P0, KN_KEY_P1};
     fit->unknowns = KN_ESTIMATE_NUMBERS;
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++)
         fit->unknown[i] = (kn_fit_unknown){.name = constant && i == KN_ESTIMATE_ALPHA ? "c2" : kn_estimate_name[i],
                                            .unit = kn_estimate_unit[i],
                                            .value = start[i],
                                            .low = 1e-3 * start[i],
-                                           .high = 1e3 * start[i],
+                                           .high = fmin(1e3 * start[i], kn_keys[key[i]].most),
                                            .fixed = constant && i > KN_ESTIMATE_ALPHA};
     fit->unknown[KN_ESTIMATE_ALPHA].high = fmin(fit->unknown[KN_ESTIMATE_ALPHA].high, ALPHA_MOST);
     fit->unknown[KN_ESTIMATE_ALPHA].value = fmin(fit->unknown[KN_ESTIMATE_ALPHA].value, 0.5 * ALPHA_MOST);
@@ -283,9 +285,9 @@ void kn_lattice_numbers(kn_parameter_estimate number[KN_ESTIMATE_NUMBERS], const
         const bool lowered = value < 0.999 * (u->value + more);
         if (lowered) n->known = KN_UNKNOWN;
         if (n->known == KN_UNKNOWN)
-            snprintf(n->words, sizeof n->words, "%s a lattice, which uses %.5g %s",
-                     lowered ? "lowered to what kneadd's tables hold in" : "these curves do not show it in", n->value,
-                     n->unit);
+            snprintf(n->words, sizeof n->words, "%s; the scene uses %.5g %s",
+                     lowered ? "lowered, since kneadd's tables end there" : "not determined by these measurements",
+                     n->value, n->unit);
     }
 }
 

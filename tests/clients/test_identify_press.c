@@ -143,7 +143,7 @@ TEST("one press with noise gives the material, and predicts another speed and an
     CHECK(part_of(press_of(1), "touch_m") < 0); // it touched before the record
     OWN(kn_scene) *mine = kn_scene_load("mine.yaml", NULL, 0, error, sizeof error);
     CHECK(mine && strstr(mine->label, "fitted to presses with ball, slow.csv: cells of 10 mm") &&
-          strstr(mine->label, "Predicted, not fitted: fast "));
+          strstr(mine->label, "Predicted, not fitted, left %: fast "));
     CHECK(access("mine.yaml.fit", F_OK) != 0);
 }
 
@@ -161,7 +161,7 @@ NIGHT_TEST("the compliance of the frame is found, and intervals of replicates co
     CHECK_NEAR(part_of(frame, "value"), 4e-4, 4e-5);
     for (int k = 0; k < 3; k++) CHECK(part_of(press_of(k), "left_when_left_out") < 0.02);
     OWN(kn_scene) *nine = kn_scene_load("nine.yaml", NULL, 0, error, sizeof error); // has the tool of the file
-    CHECK(nine && nine->model.probe_count == 1 && !strcmp(nine->model.probe[0].name, "nine"));
+    CHECK(nine && nine->model.probe_count == 3 && !strcmp(nine->model.probe[2].name, "nine"));
 }
 
 TEST("a fit that was killed goes on where it was")
@@ -202,9 +202,9 @@ TEST("bad input is refused in one line that says what to do")
     write_text("small.yaml", "probes:\n  - {name: pea, shape: sphere, radius: 2 mm}\n");
     const char *const bad[][2] = {
         {"expected --object SCENE, the scene of the object that was pressed", "slow.csv --tool ball"},
-        {"slow.csv: pressed with what?, expected --tool or a line '# tool: NAME' in the file",
+        {"slow.csv: the tool is not known, expected --tool, or a line '# tool: NAME' in the file",
          "slow.csv --object block.yaml"},
-        {"--tool fist: block.yaml has no such probe, expected one of its probes or a file",
+        {"--tool: the tool 'fist' is no probe of block.yaml, expected one of its probes, or a file",
          "slow.csv --object block.yaml --tool fist"},
         {"none.yaml:1:1: cannot be read", "slow.csv --object block.yaml --tool none.yaml"},
         {"small.yaml:1:1: probes.pea.radius is 0.002 m, expected at least object.spacing, 0.01 m",
