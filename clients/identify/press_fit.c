@@ -152,21 +152,27 @@ static bool run_jobs(int count, job *all)
 
 // ---- the fit
 
+#define FAR 100 // an end of an interval that is this factor away from the best value is no limit
+#define TRIALS 2000
+
 typedef struct search {
     kn_press_fit *fit;
     int first, end; // presses that are compared: first..end-1
+    bool records;   // the residuals are those of the fitted presses, and not shifted: record the trials
     bool keeps;     // the stages are over: keep the best values for an interrupted fit
     bool served;    // use the scene's own solver, not the longer steps of the search
-    // [readings] residuals with the scene's own solver minus those of the search, at the values of the last round
-    double *shift;
+    double *shift;  // [readings] residuals with the scene's own solver minus those of the search, in the last round
+    // all that was tried before the shift: values of the material and the frame, and the sum of squares
+    int tried;
+    double trial[TRIALS][TOUCH], trial_sum[TRIALS];
     int readings;         // of the fitted presses
     double *force;        // [readings of all presses] scratch
     double least, kept_s; // least sum of squares so far; time when the file to resume was last written
     kn_progress bar;
-    const kn_fit *best;  // the linearised model about these values has these
-    const double *at;    // [readings] residuals and
-    const double *slope; // [unknowns][readings] slopes
-    int without, only;   // press whose residuals do not count, or that alone counts; -1: none
+    // the linearised model: the best values, and there the residuals at[readings] and slopes slope[unknowns][readings]
+    const kn_fit *best;
+    const double *at, *slope;
+    int without, only; // press whose residuals do not count, or that alone counts; -1: none
 } search;
 
 static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
@@ -222,6 +228,10 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     s->bar.total = fmax(s->bar.total, ++s->fit->runs / 0.95);
     kn_progress_step(&s->bar, s->fit->runs);
     if (s->keeps && s->first == 0 && !s->served) keep(s, value, sum);
+    if (s->records && s->tried < TRIALS) {
+        memcpy(s->trial[s->tried], value, sizeof s->trial[0]);
+        s->trial_sum[s->tried++] = sum;
+    }
     return !kn_interrupted;
 }
 
@@ -283,6 +293,18 @@ static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
     *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .low = c->other[first] - 0.3 * range};
     touch->high = c->other[first] + 0.3 * range;
     touch->value = first > 0 ? c->other[first] : c->other[first] - 0.01 * range;
+    // a plate meets its whole force at once, so it touches between two readings
+    if (first > 0 && p->tool->shape == KN_PROBE_PLATE) {
+        touch->low = c->other[first - 1], touch->high = c->other[first];
+        touch->value = 0.5 * (touch->low + touch->high);
+        p->sigma_n[first] = INFINITY;
+    }
+    // The path turns between two readings, and the force of a dashpot jumps there. So the next reading is not compared.
+    double deepest = -INFINITY;
+    for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
+    for (int i = 1; i < c->count; i++)
+        if ((c->other[i] > deepest - 1e-3 * range) != (c->other[i - 1] > deepest - 1e-3 * range))
+            p->sigma_n[i] = INFINITY;
     return true;
 }
 
@@ -412,8 +434,6 @@ static double risen(search *s, const kn_fit *best, kn_fit *trial, double *residu
     return good ? sqrt(fmax(trial->sum - best->sum, 0)) / best->scale : (double)INFINITY;
 }
 
-#define FAR 100 // an end of an interval that is this factor away from the best value is no limit
-
 // Return the 95 % interval of an unknown. It begins with that by curvature. A side on which the sum of squares has not
 // risen enough there is moved outwards until it has, or to the bound: P0 and P1 change nothing beyond the stresses that
 // occur, so their curvature says little.
@@ -526,6 +546,43 @@ static bool search_in_stages(kn_fit *fit)
     return good && kn_fit_search(fit);
 }
 
+// Search from several starts, with more and with less thinning than the material of the start, and keep the best result.
+static bool search_from_starts(search *s, kn_fit *best)
+{
+    static const double thinning[] = {1, 0.4, 2.5};
+    kn_fit_unknown from[KN_FIT_UNKNOWNS], found[KN_FIT_UNKNOWNS];
+    double least = INFINITY;
+    memcpy(from, best->unknown, sizeof from);
+    s->records = true;
+    for (size_t i = 0; i < sizeof thinning / sizeof *thinning; i++) {
+        memcpy(best->unknown, from, sizeof from);
+        kn_fit_unknown *beta = &best->unknown[KN_ESTIMATE_BETA];
+        beta->value = fmin(beta->value * thinning[i], beta->high);
+        if (!search_in_stages(best) || !(best->sum < least)) continue;
+        least = best->sum;
+        memcpy(found, best->unknown, sizeof found);
+    }
+    s->records = false;
+    if (isfinite(least)) memcpy(best->unknown, found, sizeof found);
+    return isfinite(least);
+}
+
+// Widen the interval of an unknown to all trials whose sum of squares is not significantly above the least. The valley of a
+// poorly determined pair of numbers, such as alpha and beta, is long and bent, and the linearised model sees only its middle.
+static void widen(const search *s, const kn_fit *best, double scatter, int unknown, kn_fit_interval *i)
+{
+    const kn_fit_unknown *u = &best->unknown[unknown];
+    double least = INFINITY;
+    for (int k = 0; k < s->tried; k++) least = fmin(least, s->trial_sum[k]);
+    for (int k = 0; k < s->tried && !u->fixed; k++) {
+        if (s->trial_sum[k] > least + 9 * scatter * scatter) continue; // three standard deviations: trials are few
+        i->low = fmin(i->low, s->trial[k][unknown]), i->high = fmax(i->high, s->trial[k][unknown]);
+    }
+    if (u->linear || u->fixed) return;
+    if (!i->open_low && i->low < u->value / FAR) i->open_low = true, i->low = u->low;
+    if (!i->open_high && i->high > u->value * FAR) i->open_high = true, i->high = u->high;
+}
+
 // Press the lattice with the scene's own solver at the present values, and shift the residuals of the search to these.
 static bool shift_to_served(search *s, const kn_fit *fit, double *residual)
 {
@@ -546,9 +603,14 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
 {
     kn_press_fit *fit = s->fit;
     double value[KN_FIT_UNKNOWNS];
-    if (!(fit->resumed || search_in_stages(best))) return false;
-    for (int round = 0; round < 2; round++)
-        if (!shift_to_served(s, best, residual) || !kn_lattice_fit(best)) return false;
+    if (!(fit->resumed || search_from_starts(s, best))) return false;
+    for (int round = 0; round < 2; round++) {
+        if (!shift_to_served(s, best, residual)) return false;
+        double sum = 0;
+        for (int i = 0; i < s->readings; i++) sum += pow(residual[i] + s->shift[i], 2);
+        if (round > 0 && fabs(sum / best->sum - 1) < 1e-3) break; // the shift is that of the last round
+        if (!kn_lattice_fit(best)) return false;
+    }
     kn_fit_values(best, value);
     fit->material = kn_lattice_material(value, false);
     fit->compliance_m_n = value[COMPLIANCE];
@@ -562,9 +624,11 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
     else
         best->scale =
             fmax(widened(best, residual), 1); // below 1: chance, or the solver of the lattice that made the data
-    for (int u = 0; u < TOUCH; u++)
+    for (int u = 0; u < TOUCH; u++) {
         interval[u] = fit->fitted > 1 ? kn_fit_interval_by(best, u, 0.95, KN_FIT_CURVATURE)
                                       : interval_of(s, best, trial, spare, u);
+        widen(s, best, fmax(scatter, fit->fitted > 1 ? scatter : best->scale), u, &interval[u]);
+    }
     free(spare);
     kn_lattice_numbers(fit->number, best, &fit->material, interval);
     if (!best->unknown[COMPLIANCE].fixed) {
@@ -582,7 +646,8 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
 int kn_press_fit_run(kn_press_fit *fit)
 {
     static kn_fit best, trial;
-    search s = {.fit = fit, .end = fit->fitted, .least = INFINITY, .kept_s = now_s(), .without = -1, .only = -1};
+    static search s;
+    s = (search){.fit = fit, .end = fit->fitted, .least = INFINITY, .kept_s = now_s(), .without = -1, .only = -1};
     kn_material start = fit->object->material;
     int all = 0;
     double most = 0;

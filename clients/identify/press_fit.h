@@ -16,10 +16,10 @@
 //
 //     residual i = (model - measured)/sigma,   sigma^2 = noise^2/weight + (0.5 % of the press's largest force)^2       (1)
 //
-// The search runs the lattice with steps of T/1500 (T: duration of a press), 1 to 8 ms. It starts at the best of a grid of
-// scales of stress and time, and frees the unknowns in stages. Then the lattice is pressed with the scene's own solver, as
-// kneadd steps it, the residuals of the search are shifted by the difference, and the search goes on. This is done twice, so
-// the longer steps do not move the results.
+// The search runs the lattice with steps of T/1500 (T: duration of a press), 1 to 8 ms. Its first start is the best of a grid
+// of scales of stress and time, the others thin more and less. The unknowns are freed in stages. Then the lattice is pressed
+// with the scene's own solver, as kneadd steps it, the residuals of the search are shifted by the difference, and the search
+// goes on. This is done up to twice, so the longer steps do not move the results.
 //
 // One press: the intervals come from the curvature, widened if neighbouring residuals are alike. Two or more: they come from
 // the spread between the presses. The fit is repeated without each press in turn (by the linearised model, which costs

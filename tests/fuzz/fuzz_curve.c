@@ -32,7 +32,7 @@ static void judge_curve(const kn_curve *c)
         require(!c->other || isfinite(c->other[i]));
         if (c->kind == KN_CURVE_SWEEP) require(c->time_s[i] > 0 && c->value[i] > 0 && c->other[i] > 0);
         if (c->kind == KN_CURVE_CREEP) require(c->time_s[i] >= 0);
-        if (c->kind == KN_CURVE_PRESS) require(c->other);
+        if (c->kind == KN_CURVE_PRESS) require(c->other != NULL);
     }
     if (c->kind == KN_CURVE_RELAX) require(c->strain >= 0 && c->strain < 1 && isfinite(c->begin_s));
     if (c->kind != KN_CURVE_CREEP) return;
