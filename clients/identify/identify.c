@@ -46,8 +46,8 @@ static int keep_apart(const kn_identify_options *opt)
     const char *const name[] = {"out", "png", "csv", "report"}, *const output[] = {opt->out, opt->png, opt->csv,
                                                                                    opt->report};
     for (int i = 0; i < 4; i++)
-        for (int k = -2; output[i] && k < opt->files; k++)
-            if (kn_output_same(output[i], k < 0 ? (k < -1 ? opt->object : opt->tool) : opt->file[k]))
+        for (int k = 0; output[i] && k < opt->files + 2; k++)
+            if (kn_output_same(output[i], k < opt->files ? opt->file[k] : k > opt->files ? opt->object : opt->tool))
                 return kn_complain(opt->subcommand, KN_EXIT_USAGE,
                                    "--%s %s: this path is also an input, expected another path", name[i], output[i]);
     for (int i = 0; i < 4; i++)
@@ -107,9 +107,9 @@ static const kn_option rows[] = {
     KN_OPTION("shear", FLAG, AT(shear), .belongs = "s"),
 };
 
-// Parse the command line of one experiment: 'c' for creep, 'p' for press, 'r' for relax, 's' for sweep. Return KN_OPTIONS_READ if the
-// experiment is to run. Otherwise return an exit code: 0 after --help, which prints `help`, or another code after an
-// error. Call free_options in every case, even after an error.
+// Parse the command line of one experiment: 'c' for creep, 'p' for press, 'r' for relax, 's' for sweep. Return
+// KN_OPTIONS_READ if the experiment is to run. Otherwise return an exit code: 0 after --help, which prints `help`, or
+// another code after an error. Call free_options in every case, even after an error.
 static int parse_options(kn_identify_options *opt, const char *subcommand, char experiment, const char *help, int argc,
                          char **argv)
 {

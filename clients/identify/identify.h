@@ -173,4 +173,17 @@ void kn_identify_plot(kn_figure_panel *p, const char *name, int count, const dou
 // Fill x[KN_IDENTIFY_POINTS] with a geometric progression from `low` to `high`.
 void kn_identify_points(double low, double high, double *x);
 
+// ---- the lattice of creep's --serve (served_scene.c)
+
+// Choose the cells of the lattice that the options ask for. Return 0, or print an error and return an exit code.
+int kn_served_scene_cut(kn_identification *w);
+// Fit the lattice, and print its parameters with what is left on each curve.
+void kn_served_scene_fit(kn_identification *w);
+// Write the first paper's block with the lattice's material as a scene. Its label says what is left on each curve. Return 0,
+// or print an error and return an exit code.
+int kn_served_scene_write(const kn_identification *w, const char *path);
+// Add the section on lattices to the page: how far blocks with the element's parameters are from the curves and, with
+// --serve, the lattice. Its scene is written beside the page.
+int kn_served_scene_page(kn_document *d, const kn_identification *w);
+
 #endif

@@ -545,20 +545,38 @@ static void to_depth(const kn_curve_file *f, kn_curve *c, kn_column_quantity wha
         kn_curve_say(f, "the displacement falls as the force rises: its sign is changed, downwards is positive");
 }
 
-// A force counts as a touch above this share of the largest.
-#define TOUCHED 0.02
+// Return the force above which a reading of a press is more than noise.
+static double touching_n(const kn_curve *c)
+{
+    const double most = kn_curve_largest(c);
+    return fmax(0.01 * most, fmin(4 * c->noise, 0.1 * most));
+}
+
+int kn_curve_touch(const kn_curve *c)
+{
+    const double least_n = touching_n(c), *v = c->value;
+    int peak = 0;
+    for (int i = 0; i + 2 < c->count; i++)
+        if (v[i] > least_n && v[i + 1] > least_n && v[i + 2] > least_n) return i;
+    for (int i = 0; i < c->count; i++)
+        if (v[i] > v[peak]) peak = i;
+    return peak;
+}
 
 // Leave out most of the readings before and after the touch. The tenth of the press that stays on either side shows the
 // place of touch. Refuse a press whose way down is not recorded, or that takes too long for a lattice.
 static int cut_air(kn_curve_file *f, kn_curve *c)
 {
     const double most = kn_curve_largest(c);
-    int first = 0, last = c->count - 1, before = 0, after = 0, peak = 0;
+    int before = 0, after = 0, peak = 0;
     double sum = 0, deepest = -INFINITY;
     if (!(most > 0)) return kn_curve_refuse(f, c->line[0], -1, "no force above 0, expected a press");
-    while (c->value[first] < TOUCHED * most) sum += c->value[first++];
-    while (c->value[last] < TOUCHED * most && !(c->value[last] < -TOUCHED * most)) last--;
+    c->noise = kn_curve_noise(c->count, c->time_s, c->value);
+    const int first = kn_curve_touch(c);
+    int last = c->count - 1;
+    while (last > first && !(fabs(c->value[last]) > touching_n(c) && fabs(c->value[last - 1]) > touching_n(c))) last--;
     while (c->value[peak] < most) peak++;
+    for (int i = 0; i < first; i++) sum += c->value[i];
     for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
     if (!(c->other[peak] - c->other[first] > 0.3 * (deepest - c->other[first])))
         return kn_curve_refuse(
@@ -617,12 +635,11 @@ static int load_press(kn_curve_file *f)
     // The readings change their course at the touch and where the tool reaches its deepest place and leaves it.
     double low = c->other[0], high = low;
     for (int i = 0; i < c->count; i++) low = fmin(low, c->other[i]), high = fmax(high, c->other[i]);
-    int touch = 0, first = 0, last = c->count - 1, changes = 0;
-    while (c->value[touch] < TOUCHED * kn_curve_largest(c)) touch++;
+    int first = 0, last = c->count - 1, changes = 0;
     while (c->other[first] < high - 0.01 * (high - low)) first++;
     while (c->other[last] < high - 0.01 * (high - low)) last--;
     double change_s[3];
-    const int at[3] = {touch, first, last};
+    const int at[3] = {kn_curve_touch(c), first, last};
     for (int i = 0; i < 3; i++)
         if (changes == 0 || c->time_s[at[i]] > change_s[changes - 1]) change_s[changes++] = c->time_s[at[i]];
     kn_curve_say(f, "%s: %d readings in %.4g s, force up to %.4g N, depth from %.4g to %.4g mm", c->name, c->count,

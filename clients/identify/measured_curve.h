@@ -110,6 +110,11 @@ double kn_curve_noise(int count, const double *time_s, const double *value);
 
 double kn_curve_largest(const kn_curve *curve); // return the largest entry of value[], or 0 if all are negative
 
+// Return the first reading of a press whose force is more than noise. The two readings that follow it have such a force,
+// too, since among thousands of readings without touch a single one may stand out. `curve->noise` must be set. If there is
+// no such reading, return that of the largest force.
+int kn_curve_touch(const kn_curve *curve);
+
 // Find the time at which a load was applied from the strain that it causes. Under a constant load the strain rises ever
 // more slowly. The straight line through the first readings under load therefore meets the initial level of the strain
 // at the time of the load or before, never later. This holds for any material, with or without flat readings before the

@@ -40,7 +40,7 @@ static const char help[] =
     "The output gives the best parameters and their 95 % intervals. With one press, the intervals come from the noise.\n"
     "With several, which count as replicates, they come from the spread between the presses.\n"
     "If a fit with --out is killed, run the same command again; it continues from FILE.fit.\n"
-    "Exit codes: 0 ok, 1 --out is refused, since the lattice does not follow the presses, 2 bad input, 3 a file cannot be written.\n";
+    "Exit codes: 0 ok, 1 --out is refused: the lattice does not follow, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
 
 // ---- object and tools
@@ -197,30 +197,27 @@ static int try_scene(const kn_identification *w)
 
 // ---- the fit
 
-static const char kept_mark[] = "knead identify press ";
-
 // Check that the file that keeps an interrupted fit is not somebody else's.
 static int try_kept(const kn_identification *w, const char *kept)
 {
-    char begin[sizeof kept_mark] = "";
+    char begin[sizeof KN_PRESS_FIT_MARK] = "";
     FILE *f = *kept ? fopen(kept, "r") : NULL;
-    const bool ours = !f || (fread(begin, 1, sizeof begin - 1, f) > 0 && !strcmp(begin, kept_mark));
+    const bool ours = !f || (fread(begin, 1, sizeof begin - 1, f) > 0 && !strcmp(begin, KN_PRESS_FIT_MARK));
     if (f) fclose(f);
     if (ours) return KN_EXIT_OK;
     return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                        "%s: is needed for a fit that is interrupted, but was not written by knead identify press",
                        kept);
 }
+
 // Refuse a press that is too deep for the object.
 static int try_depth(const kn_identification *w, int press)
 {
     const kn_curve *c = &w->curve[press];
     double extent_m[3], deepest = -INFINITY;
-    int first = 0;
     kn_model_def_extent(&w->scene[0]->model, extent_m);
-    while (c->value[first] < 0.02 * kn_curve_largest(c)) first++;
     for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
-    const double depth_m = deepest - c->other[first], most_m = 0.8 * extent_m[2];
+    const double depth_m = deepest - c->other[kn_curve_touch(c)], most_m = 0.8 * extent_m[2];
     if (depth_m <= most_m) return KN_EXIT_OK;
     return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                        "%s: a press of %.3g mm, expected at most %.3g mm (0.8 of the object's height)", c->file,

@@ -30,9 +30,7 @@ typedef struct path { // of a tool: its depth in the object
 static double depth_at(const path *p, int reading)
 {
     const kn_curve *c = p->curve;
-    const int wide = 3, reach = reading < wide || c->count - 1 - reading < wide
-                                    ? (reading < c->count - 1 - reading ? reading : c->count - 1 - reading)
-                                    : wide;
+    const int ends = reading < c->count - 1 - reading ? reading : c->count - 1 - reading, reach = ends < 3 ? ends : 3;
     double sum = 0, all = 0;
     for (int i = -reach; i <= reach && p->compliance_m_n > 0; i++) {
         const int weight = reach + 1 - abs(i);
@@ -93,7 +91,7 @@ static bool press(const kn_model *m, const kn_press_record *p, double touch, dou
     const path way = {c, touch, p->tool->shape == KN_PROBE_PLATE ? compliance : 0, first_speed(c)};
     const double dt = m->def.solver.dt_s, begin = touch_s(&way);
     double extent_m[3], before = 0, force = 0, low_s = begin, low_m = 0;
-    int next = 0; // first reading without a force, and first one that the tool has not passed
+    int next = 0; // first reading whose force is not yet known
     kn_model_def_extent(&m->def, extent_m);
     const double rest_z_m = extent_m[2] + kn_tool_height_m(p->tool);
     kn_state *state = kn_state_create(m);
@@ -101,6 +99,7 @@ static bool press(const kn_model *m, const kn_press_record *p, double touch, dou
     kn_output out;
     bool good = state;
     while (next < c->count && c->time_s[next] <= begin) force_n[next++] = 0;
+    // ahead: first reading that the tool has not passed
     for (int tick = 1, ahead = next; good && next < c->count; tick++) {
         const double end_s = begin + tick * dt, last = force;
         for (; ahead < c->count && c->time_s[ahead] < end_s; ahead++)
@@ -187,7 +186,7 @@ static void keep(search *s, const double *value, double sum)
     s->kept_s = now_s();
     FILE *f = kn_output_open(&out, s->fit->subcommand, s->fit->resume);
     if (!f) return;
-    fprintf(f, "knead identify press %016" PRIx64 "\n", s->fit->inputs);
+    fprintf(f, KN_PRESS_FIT_MARK "%016" PRIx64 "\n", s->fit->inputs);
     for (int i = 0; i < TOUCH + s->fit->presses; i++) fprintf(f, "%.17g\n", value[i]);
     kn_output_close(&out, s->fit->subcommand);
 }
@@ -197,7 +196,7 @@ static bool resume(const kn_press_fit *fit, int unknowns, double value[KN_FIT_UN
 {
     uint64_t inputs;
     FILE *f = *fit->resume ? fopen(fit->resume, "r") : NULL;
-    bool good = f && fscanf(f, "knead identify press %" SCNx64, &inputs) == 1 && inputs == fit->inputs;
+    bool good = f && fscanf(f, KN_PRESS_FIT_MARK "%" SCNx64, &inputs) == 1 && inputs == fit->inputs;
     for (int i = 0; i < unknowns && good; i++) good = fscanf(f, "%lf", &value[i]) == 1 && isfinite(value[i]);
     if (f) fclose(f);
     return good;
@@ -264,14 +263,6 @@ static int peak_of(const kn_curve *c)
     return peak;
 }
 
-// Return the first reading with a force that is more than noise.
-static int touched(const kn_curve *c)
-{
-    int first = 0;
-    while (c->value[first] < fmax(0.01 * kn_curve_largest(c), fmin(4 * c->noise, 0.1 * kn_curve_largest(c)))) first++;
-    return first;
-}
-
 // Set sigma, leave out the pull that the tool cannot give, and guess the place of touch with its bounds.
 static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
 {
@@ -288,7 +279,7 @@ static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
         p->sigma_n[i] = INFINITY;
         p->pull_n_s -= c->value[i] * (c->time_s[i] - c->time_s[i - 1]);
     }
-    const int first = touched(c);
+    const int first = kn_curve_touch(c);
     const double range = c->other[peak] - c->other[first];
     *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .low = c->other[first] - 0.3 * range};
     touch->high = c->other[first] + 0.3 * range;
@@ -569,13 +560,13 @@ static bool search_from_starts(search *s, kn_fit *best)
 
 // Widen the interval of an unknown to all trials whose sum of squares is not significantly above the least. The valley of a
 // poorly determined pair of numbers, such as alpha and beta, is long and bent, and the linearised model sees only its middle.
-static void widen(const search *s, const kn_fit *best, double scatter, int unknown, kn_fit_interval *i)
+static void widen(const search *s, const kn_fit *best, double scale, int unknown, kn_fit_interval *i)
 {
     const kn_fit_unknown *u = &best->unknown[unknown];
     double least = INFINITY;
     for (int k = 0; k < s->tried; k++) least = fmin(least, s->trial_sum[k]);
     for (int k = 0; k < s->tried && !u->fixed; k++) {
-        if (s->trial_sum[k] > least + 9 * scatter * scatter) continue; // three standard deviations: trials are few
+        if (s->trial_sum[k] > least + 9 * scale * scale) continue; // three standard deviations: trials are few
         i->low = fmin(i->low, s->trial[k][unknown]), i->high = fmax(i->high, s->trial[k][unknown]);
     }
     if (u->linear || u->fixed) return;
@@ -620,14 +611,14 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
     double *spare = calloc((size_t)best->readings, sizeof *spare);
     if (!spare) return false;
     kn_fit_interval interval[TOUCH];
+    // a scale below 1 is chance, or the readings come from a lattice
+    const double scale = fmax(fit->fitted > 1 ? scatter : widened(best, residual), 1);
     if (fit->fitted > 1) jackknife(s, best, trial, spare);
-    else
-        best->scale =
-            fmax(widened(best, residual), 1); // below 1: chance, or the solver of the lattice that made the data
+    else best->scale = scale;
     for (int u = 0; u < TOUCH; u++) {
         interval[u] = fit->fitted > 1 ? kn_fit_interval_by(best, u, 0.95, KN_FIT_CURVATURE)
                                       : interval_of(s, best, trial, spare, u);
-        widen(s, best, fmax(scatter, fit->fitted > 1 ? scatter : best->scale), u, &interval[u]);
+        widen(s, best, scale, u, &interval[u]);
     }
     free(spare);
     kn_lattice_numbers(fit->number, best, &fit->material, interval);
@@ -663,7 +654,7 @@ int kn_press_fit_run(kn_press_fit *fit)
         if (k < fit->fitted) s.readings += c->count;
         most = fmax(most, kn_curve_largest(c));
         // bound: the frame yields by at most 30 % of the way down
-        const double yields = 0.3 * (c->other[peak_of(c)] - c->other[touched(c)]) / kn_curve_largest(c);
+        const double yields = 0.3 * (c->other[peak_of(c)] - c->other[kn_curve_touch(c)]) / kn_curve_largest(c);
         kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
         frame->high = k == 0 ? yields : fmin(frame->high, yields);
     }

@@ -41,6 +41,8 @@ typedef struct kn_press_record {
     double *sigma_n;          // [curve->count] sigma of (1); INFINITY: not compared
 } kn_press_record;
 
+#define KN_PRESS_FIT_MARK "knead identify press " // begins the file of an interrupted fit
+
 typedef struct kn_press_fit {
     const char *subcommand;
     const kn_model_def *object; // a block; its material is the start of the search if its damper depends on the force

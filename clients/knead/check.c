@@ -153,6 +153,7 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     printf("; gravity %g m/s^2 along -z\n", def->gravity_m_s2);
     if (held > 0 && held / 4 < 3)
         printf("          note: so few nodes hold no object in place; support_depth holds more\n");
+    if (held / 4 == model->node_count) printf("          note: the object cannot move; expected less support_depth\n");
 }
 
 // Print how a material without a spring acts. The damper c1 of the Voigt element and the force-dependent damper c2 are

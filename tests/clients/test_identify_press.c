@@ -5,6 +5,7 @@
 #include "clients/cli/command.h"
 #include "clients/cli/result.h"
 #include "clients/hand/tool_height.h"
+#include "clients/identify/measured_curve.h"
 #include "core/scene/scene.h"
 #include "core/step.h"
 #include "tests/clients/heard.h"
@@ -239,6 +240,23 @@ NIGHT_TEST("a fit that was killed goes on where it was")
     PRESS(0, "note: the fit went on where an earlier one was interrupted",
           "slow.csv --object block.yaml --tool ball --out killed.yaml");
     CHECK(access("killed.yaml.fit", F_OK) != 0 && access("killed.yaml", F_OK) == 0);
+}
+
+TEST("noise during a long approach is not taken for a touch, and hardly any air is left")
+{
+    static kn_curve curve[KN_CURVES_MAX];
+    int count = 0;
+    measure("far.csv", (stage){.depth_mm = 5, .speed_mm_s = 10, .hold_s = 0.2, .above_mm = 60, .noise = 0.01});
+    const kn_curve_options options = {.subcommand = "identify press"};
+    kn_hear();
+    const int code = kn_curve_load(curve, &count, KN_CURVE_PRESS, "far.csv", &options);
+    kn_hear_end();
+    CHECK(code == KN_EXIT_OK && count == 1 && kn_said("long before the touch, left out"));
+    if (count == 0) return;
+    const int touch = kn_curve_touch(&curve[0]);
+    CHECK_NEAR(curve[0].other[touch], 60.3e-3, 0.4e-3); // the ball's force grows slowly
+    CHECK_NEAR(curve[0].time_s[touch] - curve[0].time_s[0], 0.1, 0.05);
+    kn_curve_free(&curve[0]);
 }
 
 TEST("a press that no such lattice gives is told, and written only if the user insists")
