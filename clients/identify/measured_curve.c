@@ -599,7 +599,7 @@ static int cut_air(kn_curve_file *f, kn_curve *c)
     kn_curve_say_left_out(f, after, "long after the touch");
     c->count -= after;
     kn_curve_skip(c, before);
-    return KN_EXIT_OK;
+    return check_enough(f, c, "the force near the touch");
 }
 
 static int load_press(kn_curve_file *f)
