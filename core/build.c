@@ -90,6 +90,7 @@ static const char *check_lattice(const kn_model_def *def)
     if (wrong) return wrong;
     if (def->pressure != KN_PRESSURE_NONE && !(def->inside_pressure_pa > 0 && isfinite(def->inside_pressure_pa)))
         return "the pressure inside must be positive";
+    if (!(def->force_factor > 0 && isfinite(def->force_factor))) return "force_factor must be positive";
     if (!(def->spacing_m > 0 && isfinite(def->spacing_m))) return "spacing must be positive";
     if (!(def->density_kg_m3 > 0 && isfinite(def->density_kg_m3))) return "density must be positive";
     if (!(def->support_friction >= 0 && isfinite(def->support_friction))) return "friction must not be negative";
@@ -146,7 +147,7 @@ static const char *check_stiffness(const kn_model *m)
     // body: resistance of one node to a change of its velocity [kg/s], computed from its mass and from its edges at
     // rest
     double body = m->kappa_m * m->law.a_pa_s * at_rest + kn_model_mass(m) / m->node_count / dt;
-    double gas = def->pressure != KN_PRESSURE_NONE ? def->inside_pressure_pa : 0;
+    double gas = def->pressure != KN_PRESSURE_NONE ? kn_model_gas_pa(m) : 0;
     if (def->solver.kind != KN_SOLVER_RK4 && gas * h * dt > GAS_MOST * body)
         return "the gas inside is more than 10000 times as stiff as the object around it";
     for (int p = 0; p < def->probe_count; p++) {
@@ -234,6 +235,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     if (!def->mesh)
         kn_grid_init(&m->grid, def->nodes, def->spacing_m, def->thickness_m,
                      def->structure == KN_STRUCTURE_AXIS ? 0 : def->diagonal_stiffness);
+    m->grid.kappa_m *= def->force_factor;
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!kn_kernels_choose(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");

@@ -121,7 +121,10 @@ typedef struct kn_model_def {
     int fine[2][3];
     kn_pressure pressure;
     double inside_pressure_pa; // absolute pressure of the gas in the undeformed object; > 0 unless `pressure` is NONE
-    kn_skin_form skin;         // skin of a block; the skin of a mesh is its triangles
+    // factor on all forces of the edges and of the gas, > 0: cells of this size are too stiff by a factor that a finer
+    // lattice tells. Inertia, weight and the contacts of tools are as without it.
+    double force_factor;
+    kn_skin_form skin; // skin of a block; the skin of a mesh is its triangles
     kn_support support;
     double support_friction; // FRICTION: coefficient of friction on the table, >= 0
     double support_depth_m;  // mesh: height above the lowest node up to which the support holds the nodes, >= 0
@@ -227,6 +230,9 @@ static inline size_t kn_model_real(const kn_model *model) // size of a real in t
 {
     return kn_model_single(model) ? sizeof(float) : sizeof(double);
 }
+
+// Pressure of the gas in the undeformed object with the factor on all forces [Pa].
+static inline double kn_model_gas_pa(const kn_model *m) { return m->def.force_factor * m->def.inside_pressure_pa; }
 
 // Get, set or increase number i of a field in the model's precision. Use in scalar code only (contact, output); the
 // kernels have a type for each precision.

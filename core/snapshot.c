@@ -61,6 +61,7 @@ uint64_t kn_model_hash(const kn_model *model)
                            d->solver.dt_s,
                            d->solver.mass_scale};
     uint64_t h = kn_hash_bytes(lattice_hash(model), said, sizeof said);
+    if (d->force_factor != 1) h = kn_hash_bytes(h, &d->force_factor, sizeof d->force_factor);
     h = kn_hash_bytes(h, model->node_mass_kg, (size_t)model->node_count * sizeof *model->node_mass_kg);
     return kn_hash_bytes(h, model->support, (size_t)model->node_count);
 }

@@ -37,6 +37,19 @@ double kn_contact_force_error(const kn_replay_trace *a, const kn_replay_trace *b
     return relative((const double(*)[3])a->force_n, (const double(*)[3])b->force_n, a->ticks * a->probes);
 }
 
+double kn_contact_force_factor(const kn_replay_trace *a, const kn_replay_trace *b, double *left)
+{
+    double both = 0, size = 0, other = 0;
+    *left = NAN;
+    if (a->ticks != b->ticks || a->probes != b->probes) return NAN;
+    for (int64_t i = 0; i < a->ticks * a->probes; i++) {
+        for (int k = 0; k < 3; k++) both += a->force_n[i][k] * b->force_n[i][k];
+        size += squares(a->force_n[i]), other += squares(b->force_n[i]);
+    }
+    *left = ratio(fmax(other - both * both / size, 0), other);
+    return both / size;
+}
+
 // ---- shape
 
 // Find the index of the cell that contains the coordinate `place` along one axis. `place` is the distance from the

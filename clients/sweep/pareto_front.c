@@ -69,6 +69,10 @@ static kn_pareto_row row_of(const kn_sweep_plan *plan, const kn_replay_trace *tr
     kn_pareto_row r = {.run = run, .median_us = t->median_us, .p90_us = t->p90_us};
     r.force = errors_of(plan, traces, point, finest, kn_contact_force_error);
     r.shape = errors_of(plan, traces, point, finest, kn_contact_shape_error);
+    r.factor = r.factor_left = NAN;
+    const int lattice = stands_for(plan, run);
+    if (lattice >= 0 && finest >= 0 && lattice != finest)
+        r.factor = run->force_factor * kn_contact_force_factor(&traces[lattice], &traces[finest], &r.factor_left);
     r.peak = kn_contact_force_peak(t) / peak_n - 1;
     r.lag_s = kn_contact_force_lag(t, best);
     r.depth_m = kn_contact_depth(t) - kn_contact_depth(best);
@@ -278,6 +282,8 @@ static const struct {
                NUMBER("force_step", force.step),
                NUMBER("force_lattice", force.lattice),
                NUMBER("force_all", force.all),
+               NUMBER("force_factor", factor),
+               NUMBER("force_factor_left", factor_left),
                NUMBER("shape_solver", shape.solver),
                NUMBER("shape_step", shape.step),
                NUMBER("shape_lattice", shape.lattice),
@@ -401,8 +407,10 @@ static void print_lattice(const kn_pareto_front *front, const kn_pareto_row *r)
     if (r->run->spacing_m == 0) puts("; the error against a finer mesh is not known");
     else if (r->force.lattice == 0) puts("; the finest lattice of this sweep");
     else
-        printf("; force %.2f %%, shape %.2f %% off the lattice of %.4g mm\n", 100 * r->force.lattice,
-               100 * r->shape.lattice, 1e3 * front->finest_m);
+        printf("; force %.2f %%, shape %.2f %% off the lattice of %.4g mm; object.force_factor: %.3f leaves %.2f %% of "
+               "the "
+               "force\n",
+               100 * r->force.lattice, 100 * r->shape.lattice, 1e3 * front->finest_m, r->factor, 100 * r->factor_left);
 }
 
 void kn_pareto_chart_print(const kn_pareto_front *front, const kn_sweep_plan *plan,

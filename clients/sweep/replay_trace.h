@@ -78,6 +78,9 @@ bool kn_replay_log_check(const kn_replay_def *def, const char *scene_path, const
 // all ticks and tools. Return NAN if `b` has no force at all.
 double kn_contact_force_error(const kn_replay_trace *a, const kn_replay_trace *b);
 
+// Return the factor with which the forces of `a` come nearest to those of `b`. *left: the error that is left then.
+double kn_contact_force_factor(const kn_replay_trace *a, const kn_replay_trace *b, double *left);
+
 // Return the relative difference |a - b| / |b| between the node displacements of two replays after the last tick.
 // Blocks with different lattices are compared at the nodes of `a`. The displacement of `b` at these nodes is
 // interpolated in the cells of `b`. Return NAN if the two replays have different meshes, or if `b` is not deformed.

@@ -57,6 +57,7 @@ void kn_sweep_run_sets_make(kn_sweep_run_sets *s, const kn_sweep_run *run)
     put(s, "solver.precision=%s", run->precision == KN_PRECISION_F64 ? "f64" : "f32");
     put(s, "solver.dt=%.17g s", run->dt_s);
     if (run->spacing_m > 0) put(s, "object.spacing=%.17g m", run->spacing_m);
+    if (run->force_factor != 1) put(s, "object.force_factor=%.17g", run->force_factor);
     // The settings below belong to the implicit solver only.
     if (run->method == KN_METHOD_RK4) return;
     put(s, "solver.linearization=%s", names[run->method]);
@@ -149,6 +150,7 @@ static kn_sweep_run own_run(const kn_sweep_plan *plan)
     const kn_model_def *def = &plan->scene->model;
     const kn_solver_def *s = &def->solver;
     return (kn_sweep_run){.spacing_m = def->mesh ? 0 : def->spacing_m,
+                          .force_factor = def->force_factor,
                           .dt_s = s->dt_s,
                           .method = s->kind == KN_SOLVER_RK4 ? KN_METHOD_RK4 : method[s->linearization],
                           .precision = s->precision,
@@ -222,7 +224,7 @@ bool kn_sweep_plan_add(kn_sweep_plan *plan, const kn_axes_def *a, bool strict, c
 {
     for (int s = 0; s < (a->spacings ? a->spacings : 1); s++) {
         kn_sweep_run run = own_run(plan), probe;
-        if (a->spacings) run.spacing_m = a->spacing_m[s];
+        if (a->spacings && a->spacing_m[s] != run.spacing_m) run.spacing_m = a->spacing_m[s], run.force_factor = 1;
         // Check that the scene accepts this lattice before its runs are added.
         probe = run;
         if (!resolve(plan, &probe, error, error_size)) {

@@ -28,8 +28,9 @@ typedef enum kn_role { KN_ROLE_POINT, KN_ROLE_SAME, KN_ROLE_FINE } kn_role;
 // Run: one replay of the log with given solver settings.
 typedef struct kn_sweep_run {
     kn_role role;
-    bool own;         // true: the run uses the solver settings that the scene itself contains
-    double spacing_m; // spacing of the lattice's nodes; 0: the object is a mesh
+    bool own;            // true: the run uses the solver settings that the scene itself contains
+    double spacing_m;    // spacing of the lattice's nodes; 0: the object is a mesh
+    double force_factor; // object.force_factor; 1 at a spacing that is not the scene's own
     double dt_s;
     kn_method method;
     kn_precision precision;

@@ -134,6 +134,7 @@ static bool make_parts(kn_model *m, kn_composite *c)
         memcpy(c->corner[p], box[p][0], sizeof c->corner[p]);
         for (int k = 0; k < 3; k++) part->def.nodes[k] = (box[p][1][k] - box[p][0][k]) / coarse + 1;
         kn_grid_init(&part->grid, part->def.nodes, part->def.spacing_m, 0, m->def.diagonal_stiffness);
+        part->grid.kappa_m *= m->def.force_factor;
         part->law = m->law;
         part->gamma = m->gamma;
         part->size_m = m->size_m;

@@ -376,14 +376,14 @@ static bool sum_some(const lattice *l, const kn_state *state, sum *s, int count)
         s->energy.kinetic += in_node(m, state, s->node++, &s->energy.height);
     for (; count > 0 && s->cell < l->cells; count--) {
         double rest = l->cell_volume_m3[s->cell], now = volume_of(m, state, &l->cell[s->cell++]);
-        if (m->def.pressure == KN_PRESSURE_CELLS) s->energy.gas += m->def.inside_pressure_pa * rest * gas(now / rest);
+        if (m->def.pressure == KN_PRESSURE_CELLS) s->energy.gas += kn_model_gas_pa(m) * rest * gas(now / rest);
         s->volume_m3 += now;
         s->rest_m3 += rest;
     }
     // with one pressure for the whole object, the energy of the gas needs the volume of all cells
     if (count == 0) return false;
     if (m->def.pressure == KN_PRESSURE_OBJECT)
-        s->energy.gas = m->def.inside_pressure_pa * s->rest_m3 * gas(s->volume_m3 / s->rest_m3);
+        s->energy.gas = kn_model_gas_pa(m) * s->rest_m3 * gas(s->volume_m3 / s->rest_m3);
     return true;
 }
 

@@ -689,6 +689,7 @@ const char *kn_net_build(kn_model *m)
         build_top(m, facets, count);
         wrong = fit(m, facets, count);
         if (!wrong && s->node_count > CREEP_NODES_MAX) wrong = fit_middle(m);
+        m->kappa_m *= m->def.force_factor;
     }
     free(facets);
     return wrong;

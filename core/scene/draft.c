@@ -472,6 +472,14 @@ static void mark_solver(kn_draft *draft)
     draft->scene.solver_line = at.line, draft->scene.solver_col = at.col;
 }
 
+// The factor on the forces is that of one spacing: if a later source changes the spacing, the factor becomes 1.
+static void drop_factor(kn_draft *draft)
+{
+    kn_mark *factor = &draft->at[0][KN_KEY_FORCE_FACTOR];
+    if (draft->at[0][KN_KEY_SPACING].source > factor->source) factor->source = KN_SOURCE_DEFAULT;
+    if (factor->source == KN_SOURCE_DEFAULT) draft->scene.model.force_factor = 1;
+}
+
 bool kn_draft_finish(kn_draft *draft)
 {
     kn_model_def *def = &draft->scene.model;
@@ -488,6 +496,7 @@ bool kn_draft_finish(kn_draft *draft)
     if (!kn_draft_given(draft, 0, KN_KEY_BUDGET)) draft->scene.budget_s = BUDGET_S;
     mark_solver(draft);
     kn_draft_drop_label(draft);
+    drop_factor(draft);
     // compute the size from the nodes, so that equal lattices have equal canonical texts even if two files round the
     // size differently
     for (int k = 0; k < 3; k++) draft->size_m[k] = (def->nodes[k] - 1) * def->spacing_m;

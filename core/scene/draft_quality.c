@@ -61,6 +61,7 @@ static bool try_point(const kn_draft *draft, kn_quality quality, kn_model_def *m
     copy.point = kn_quality_name(quality);
     for (int i = 0; i < KEYS; i++)
         if (says(draft, quality, i)) copy_value(&copy, overridden[i], key_of(quality, i));
+    if (copy.scene.model.spacing_m != draft->scene.model.spacing_m) copy.scene.model.force_factor = 1;
     if (!kn_draft_finish_point(&copy)) return false;
     *made = copy.scene.model;
     return true;

@@ -68,6 +68,9 @@
     scene.model.pressure, "gas enclosed in each cell or in the whole object; it resists changes of volume")           \
   X(INSIDE_PRESSURE, PRESSURE, "object.inside_pressure", REAL, 1, "Pa", 100, 1e8, "1 atm",                            \
     scene.model.inside_pressure_pa, "absolute pressure of the enclosed gas at rest")                                  \
+  X(FORCE_FACTOR, ALWAYS, "object.force_factor", REAL, 1, "", 0.3, 3, "",                                             \
+    scene.model.force_factor,                                                                                         \
+    "factor on the forces of a lattice of this spacing, as knead tradeoff --spacing finds it; none: 1")               \
   X(SKIN, BLOCK, "object.skin", CHOICE, 1, "spline|bilinear", 0, 0, "",                                               \
     scene.model.skin,                                                                                                 \
     "shape of the skin between nodes in contact; none: spline, smoother under tools of a radius below 2 spacings")    \

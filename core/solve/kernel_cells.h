@@ -329,7 +329,7 @@ static void build_cells(tables *t, const kn_model *model)
     const kn_grid *g = &model->grid;
     if (model->def.pressure == KN_PRESSURE_NONE) return;
     const double h = g->spacing_m, v0 = h * h * g->depth_m, whole = g->flat ? 2 : 36;
-    const double dt = model->def.solver.dt_s, gas = model->def.inside_pressure_pa;
+    const double dt = model->def.solver.dt_s, gas = kn_model_gas_pa(model);
     t->cell_count = kn_grid_cells(g, NULL);
     t->cell_inverse_h = (real)(1 / h);
     t->cell_push = (real)(gas * v0 / (h * whole));

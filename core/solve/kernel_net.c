@@ -70,7 +70,7 @@ static void fill_cells(const kn_model *m, tables *t, char **next)
     t->cells = m->cell_count;
     t->sides = m->def.mesh->dimension;
     t->flat = t->sides == 2;
-    t->outside = (real)m->def.inside_pressure_pa;
+    t->outside = (real)kn_model_gas_pa(m);
     t->sixth = (real)(t->flat ? 0.5 * m->def.thickness_m : 1.0 / 6);
     t->corner = take(next, (size_t)t->cells * 4 * sizeof(int));
     t->side = take(next, (size_t)t->cells * 9 * sizeof(real));

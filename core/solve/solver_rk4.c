@@ -44,7 +44,7 @@ void kn_gas_push(const kn_model *model, const double *rest, const double *x, dou
                 continue;
             }
             double over = kn_cell_pressure(whole ? sum / sum0 : volume / model->cell_volume[c], &slope);
-            push_corners(&model->cells[c], over * model->def.inside_pressure_pa, (const double(*)[3])gradient, f);
+            push_corners(&model->cells[c], over * kn_model_gas_pa(model), (const double(*)[3])gradient, f);
         }
 }
 
@@ -280,7 +280,7 @@ double kn_rk4_limit(const kn_model *model)
     if (!work) return -1;
     double lattice = largest_eigenvalue(model, false, work);
     // gas with one pressure for the whole object is softer than gas in cells, so the eigenvalue is an upper bound
-    double gas = model->cell_count == 0 ? 0 : model->def.inside_pressure_pa * largest_eigenvalue(model, true, work);
+    double gas = model->cell_count == 0 ? 0 : kn_model_gas_pa(model) * largest_eigenvalue(model, true, work);
     free(work);
     double damping = lattice * law->a_pa_s * law->slope_rest;
     double ringing = sqrt(lattice * law->mat.k1_pa + gas);

@@ -151,6 +151,17 @@ TEST("only quality points with the lattice and precision of the chosen one can b
     CHECK(e->passes == 2 && e->tolerance == 1e-4 && e->linearization == KN_LINEARIZATION_SECANT && e->iterations == 4);
 }
 
+TEST("a factor on the forces is that of one spacing: another one, set later or by a quality point, has no factor")
+{
+    OWN(kn_scene) *own = parse(in_cm, SETS(points, "object.force_factor=0.9"));
+    OWN(kn_scene) *finer = parse(own->text, SETS("object.spacing=5 mm"));
+    OWN(kn_scene) *both = parse(own->text, SETS("object.spacing=5 mm", "object.force_factor=0.95"));
+    OWN(kn_scene) *balanced = parse(own->text, SETS("quality=balanced"));
+    CHECK(own->model.force_factor == 0.9 && has(own, "  force_factor: 0.9\n"));
+    CHECK(finer->model.force_factor == 1 && !has(finer, "force_factor"));
+    CHECK(both->model.force_factor == 0.95 && balanced->model.force_factor == 1);
+}
+
 TEST(
     "an exponential damper given by its ends equals the one by alpha and beta, also in the text; a ramp keeps its ends")
 {

@@ -141,6 +141,28 @@ TEST("internal forces sum to zero: a free block, also with gas, and a free mesh 
     }
 }
 
+TEST("a factor on the forces and on the mass changes no shape, and multiplies the forces of blocks with gas, of two "
+     "resolutions, with rk4, and of a mesh")
+{
+    OWN(kn_simplices) *mesh = bcc_block((const int[3]){5, 5, 3}, 0.01);
+    for (int i = 0; i < 5; i++) {
+        kn_model_def one = press_def(1);
+        one.diagonal_stiffness = 0.3;
+        if (i < 2) one.pressure = i ? KN_PRESSURE_OBJECT : KN_PRESSURE_CELLS;
+        if (i == 2) memcpy(one.fine, (int[2][3]){{0, 0, 2}, {4, 4, 4}}, sizeof one.fine);
+        if (i == 2) one.nodes[0] = one.nodes[1] = one.nodes[2] = 5;
+        if (i == 3) one.solver.kind = KN_SOLVER_RK4, one.solver.mass_scale = 5000;
+        if (i == 4) one.mesh = mesh;
+        one.solver.precision = KN_PRECISION_F64;
+        kn_model_def half = one;
+        half.force_factor = 0.5, half.density_kg_m3 *= 0.5;
+        AT_END(run_free) run a = press_run(&one, &paced, 1, 1e-3), b = press_run(&half, &paced, 1, 1e-3);
+        CHECK(peak_n(&a) > 0.3);
+        for (int k = 0; k < a.samples; k++) CHECK_NEAR(b.force_n[k][2], 0.5 * a.force_n[k][2], 1e-9 * peak_n(&a));
+        for (int n = 0; n < a.nodes; n++) CHECK_NEAR(b.shape_m[n][2], a.shape_m[n][2], 1e-12);
+    }
+}
+
 // Apply a general rotation, by Rodrigues about (1, 2, 3).
 static void rotate(const double x[3], double out[3])
 {
