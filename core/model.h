@@ -121,8 +121,8 @@ typedef struct kn_model_def {
     int fine[2][3];
     kn_pressure pressure;
     double inside_pressure_pa; // absolute pressure of the gas in the undeformed object; > 0 unless `pressure` is NONE
-    // factor on all forces of the edges and of the gas, > 0: cells of this size are too stiff by a factor that a finer
-    // lattice tells. Inertia, weight and the contacts of tools are as without it.
+    // factor on all forces of the edges and of the gas, > 0: cells of this size are too stiff by a factor that a
+    // comparison with a finer lattice gives. Inertia, weight and the contacts of tools are as without it.
     double force_factor;
     kn_skin_form skin; // skin of a block; the skin of a mesh is its triangles
     kn_support support;

@@ -1,6 +1,7 @@
 #include "clients/identify/least_squares.h"
 #include <cminpack-1/cminpack.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,8 +21,6 @@ typedef struct search {
     // residual: [rows] residuals at x; jacobian: stored column by column; spare: scratch of MINPACK. All pointers from
     // `residual` on point into one block of memory.
     double *residual, *jacobian, *spare;
-    // [rows] residuals at a slightly larger and a slightly smaller value of one unknown, for difference quotients
-    double *ahead, *behind;
 } search;
 
 static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
@@ -63,23 +62,55 @@ static double squares(const double *residual, int count)
     return sum;
 }
 
-// Compute one column of the Jacobian by difference quotients. If `both` is true, the quotients are two-sided, which is
-// more accurate. A side on which the model has no solution is left out.
-static bool column(search *s, const double *x, const double *here, int k, bool both, double *out)
+// One column of the Jacobian.
+typedef struct column {
+    const search *s;
+    const double *x, *here; // values of the search's variables, and the residuals there
+    int k;                  // number of the free unknown
+    bool both;              // two-sided quotients, which are more accurate
+    double *out;            // [rows] result
+    bool made;
+} column;
+
+// Compute one column of the Jacobian by difference quotients. A side on which the model has no solution is left out.
+static void *make_column(void *of)
 {
-    const kn_fit_unknown *u = &s->fit->unknown[s->number[k]];
+    column *c = of;
+    const search *s = c->s;
+    const kn_fit_unknown *u = &s->fit->unknown[s->number[c->k]];
     double at[KN_FIT_UNKNOWNS], h = s->fit->coarse ? step_coarse : step_log;
+    double *side = malloc(2 * (size_t)s->rows * sizeof *side);
+    memset(c->out, 0, (size_t)s->rows * sizeof *c->out);
+    if (!side) return NULL;
     if (u->linear) h *= u->high - u->low;
-    memcpy(at, x, (size_t)s->count * sizeof *x);
-    at[k] = x[k] + h;
-    bool ahead = at[k] <= highest(u) && residuals_at(s, at, s->ahead), behind = false;
-    at[k] = x[k] - h;
-    if (both || !ahead) behind = at[k] >= lowest(u) && residuals_at(s, at, s->behind);
-    if (!ahead && !behind) return false;
-    double width = (double)(ahead + behind) * h;
-    const double *above = ahead ? s->ahead : here, *below = behind ? s->behind : here;
-    for (int i = 0; i < s->rows; i++) out[i] = (above[i] - below[i]) / width;
-    return true;
+    memcpy(at, c->x, (size_t)s->count * sizeof *c->x);
+    at[c->k] = c->x[c->k] + h;
+    bool ahead = at[c->k] <= highest(u) && residuals_at(s, at, side), behind = false;
+    at[c->k] = c->x[c->k] - h;
+    if (c->both || !ahead) behind = at[c->k] >= lowest(u) && residuals_at(s, at, side + s->rows);
+    const double width = (double)(ahead + behind) * h;
+    const double *above = ahead ? side : c->here, *below = behind ? side + s->rows : c->here;
+    c->made = ahead || behind;
+    for (int i = 0; i < s->rows && c->made; i++) c->out[i] = (above[i] - below[i]) / width;
+    free(side);
+    return NULL;
+}
+
+// Compute all columns of the Jacobian at x: jacobian[k * stride]. made[k]: the column could be computed.
+static void make_columns(const search *s, const double *x, const double *here, bool both, double *jacobian, int stride,
+                         bool made[KN_FIT_UNKNOWNS])
+{
+    column all[KN_FIT_UNKNOWNS];
+    pthread_t thread[KN_FIT_UNKNOWNS];
+    int threads = 0;
+    for (int k = 0; k < s->count; k++)
+        all[k] = (column){s, x, here, k, both, jacobian + (size_t)stride * (size_t)k, .made = false};
+    while (s->fit->concurrent && threads < s->count &&
+           pthread_create(&thread[threads], NULL, make_column, &all[threads]) == 0)
+        threads++;
+    for (int k = threads; k < s->count; k++) make_column(&all[k]);
+    for (int k = 0; k < threads; k++) pthread_join(thread[k], NULL);
+    for (int k = 0; k < s->count; k++) made[k] = all[k].made;
 }
 
 // Keep an unknown at its bound if the sum of squares S would decrease beyond the bound. The unknown's column of the
@@ -107,12 +138,12 @@ static int minpack_asks(void *p, int rows, int count, const double *x, double *r
         for (int i = 0; i < rows; i++) residual[i] = 1e10;
         return 0;
     }
-    if (what == 2)
-        for (int k = 0; k < s->count; k++) {
-            double *out = jacobian + (size_t)stride * (size_t)k;
-            if (!column(s, x, residual, k, false, out)) memset(out, 0, (size_t)rows * sizeof *jacobian);
-            else stay_inside(s, x, residual, k, out);
-        }
+    if (what == 2) {
+        bool made[KN_FIT_UNKNOWNS];
+        make_columns(s, x, residual, false, jacobian, stride, made);
+        for (int k = 0; k < s->count; k++)
+            if (made[k]) stay_inside(s, x, residual, k, jacobian + (size_t)stride * (size_t)k);
+    }
     return 0;
 }
 
@@ -129,12 +160,10 @@ static bool search_open(search *s, kn_fit *fit)
     }
     s->rows = fit->readings + s->count;
     const size_t n = (size_t)s->count, m = (size_t)s->rows;
-    s->residual = calloc(m * (n + 4) + 1, sizeof *s->residual);
+    s->residual = calloc(m * (n + 2) + 1, sizeof *s->residual);
     if (!s->residual) return false;
     s->jacobian = s->residual + m;
     s->spare = s->jacobian + m * n;
-    s->ahead = s->spare + m;
-    s->behind = s->ahead + m;
     return residuals_at(s, s->x, s->residual);
 }
 
@@ -207,13 +236,15 @@ static bool curve(kn_fit *fit)
     const bool ok = search_open(&s, fit);
     const size_t rows = (size_t)s.rows;
     // Collect the columns of the unknowns that change the residuals.
+    bool made[KN_FIT_UNKNOWNS];
+    if (ok) make_columns(&s, s.x, s.residual, true, s.jacobian, s.rows, made);
     for (int k = 0; ok && k < s.count; k++) {
-        double *out = s.jacobian + rows * (size_t)count;
-        bool moves = column(&s, s.x, s.residual, k, true, out) && squares(out, fit->readings) > 0;
+        const double *from = s.jacobian + rows * (size_t)k;
+        const bool moves = made[k] && squares(from, fit->readings) > 0;
         if (moves && fit->jacobian)
-            memcpy(fit->jacobian + (size_t)s.number[k] * (size_t)fit->readings, out,
-                   (size_t)fit->readings * sizeof *out);
-        if (moves) seen[count++] = k;
+            memcpy(fit->jacobian + (size_t)s.number[k] * (size_t)fit->readings, from,
+                   (size_t)fit->readings * sizeof *from);
+        if (moves) memmove(s.jacobian + rows * (size_t)count, from, rows * sizeof *from), seen[count++] = k;
         else fit->covariance[s.number[k]][s.number[k]] = INFINITY;
     }
     // Form J'J of these columns (J: the Jacobian) and invert it.

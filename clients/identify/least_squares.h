@@ -48,6 +48,7 @@ typedef struct kn_fit {
     // True: the residuals are accurate to about 1e-4, as those of a lattice are, not to 1e-8. Difference quotients then
     // take steps of 1 %, and the search ends when a step lowers S by less than 0.01 %.
     bool coarse;
+    bool concurrent;  // misfit may run in several threads at once: the columns of J are then computed side by side
     double *jacobian; // [unknowns][readings] receives J at the best values; the rows of fixed unknowns are 0; or NULL
     // kn_fit_run sets the following fields.
     double sum;   // sum of squares S at the best values

@@ -533,16 +533,20 @@ static int load_sweep(kn_curve_file *f)
 // ---- presses: force and depth of a tool over time
 
 // Turn a height into a depth, and make the depth rise while the force does.
-static void to_depth(const kn_curve_file *f, kn_curve *c, kn_column_quantity what)
+static int to_depth(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
 {
     const double first = c->other[0];
     int peak = 0;
     for (int i = 0; i < c->count; i++)
         if (c->value[i] > c->value[peak]) peak = i;
     const bool falls = c->other[peak] < first;
+    if (c->other[peak] > first && what == KN_HEIGHT)
+        return kn_curve_refuse(f, c->line[peak], -1,
+                               "the height rises as the force does, expected one that falls, or a column named depth");
     for (int i = 0; i < c->count && falls; i++) c->other[i] = what == KN_HEIGHT ? first - c->other[i] : -c->other[i];
     if (falls && what != KN_HEIGHT)
         kn_curve_say(f, "the displacement falls as the force rises: its sign is changed, downwards is positive");
+    return KN_EXIT_OK;
 }
 
 // Return the force above which a reading of a press is more than noise.
@@ -576,7 +580,8 @@ static int cut_air(kn_curve_file *f, kn_curve *c)
     int last = c->count - 1;
     while (last > first && !(fabs(c->value[last]) > touching_n(c) && fabs(c->value[last - 1]) > touching_n(c))) last--;
     while (c->value[peak] < most) peak++;
-    for (int i = 0; i < first; i++) sum += c->value[i];
+    // near the touch the force may already rise
+    for (int i = 0; i < first / 2; i++) sum += c->value[i] / (first / 2);
     for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
     if (!(c->other[peak] - c->other[first] > 0.3 * (deepest - c->other[first])))
         return kn_curve_refuse(
@@ -588,9 +593,9 @@ static int cut_air(kn_curve_file *f, kn_curve *c)
     if (took_s > most_s)
         return kn_curve_refuse(f, c->line[last], -1,
                                "a press of %.4g s, expected at most %g s; is the unit of time right?", took_s, most_s);
-    if (first > 4 && fabs(sum / first) > 0.01 * most)
-        kn_curve_say(f, "before the touch the force is %.2g N on average, not 0: the gauge was not zeroed well",
-                     sum / first);
+    if (first > 8 && fabs(sum) > 0.01 * most && fabs(sum) > 3 * c->noise / sqrt(first / 2))
+        kn_curve_say(f, "long before the touch the force is %.2g N on average, not 0: the gauge was not zeroed well",
+                     sum);
     for (int i = 0; i < c->count; i++) {
         before += c->time_s[i] < c->time_s[first] - 0.1 * took_s;
         after += c->time_s[i] > c->time_s[last] + 0.1 * took_s;
@@ -627,7 +632,8 @@ static int load_press(kn_curve_file *f)
     if (code == KN_EXIT_OK) code = kn_curve_order(f, c, "the force");
     if (code != KN_EXIT_OK) return code;
     kn_curve_upright(f, c->count, c->value, "the force");
-    to_depth(f, c, what);
+    code = to_depth(f, c, what);
+    if (code != KN_EXIT_OK) return code;
     for (int n = 0; n < s->notes; n++)
         if (!strcmp(s->note[n].key, "tool")) snprintf(c->tool, sizeof c->tool, "%s", s->note[n].value);
     code = cut_air(f, c);

@@ -232,8 +232,10 @@ static int fit(kn_identification *w)
     int code = load_object(w);
     if (code != KN_EXIT_OK) return code;
     object = w->scene[0]->model;
-    // A material whose damper does not depend on the stress says nothing about P0 and P1, so begin with the dough.
-    if (object.material.damper != KN_DAMPER_EXPONENTIAL) object.material = kn_model_def_default().material;
+    // A material whose damper does not depend on the stress says nothing about P0 and P1, and one without a spring nothing
+    // about k1, so begin with the dough.
+    if (object.material.damper != KN_DAMPER_EXPONENTIAL || !(object.material.k1_pa > 0))
+        object.material = kn_model_def_default().material;
     if (w->opt.density_kg_m3 > 0) object.density_kg_m3 = w->opt.density_kg_m3;
     f->presses = w->curves, f->fitted = w->opt.files - w->opt.helds;
     f->inputs = kn_hash_bytes(KN_HASH_SEED, w->scene[0]->text, strlen(w->scene[0]->text));
@@ -315,7 +317,20 @@ static void predicted(const kn_press_fit *f, char *text, size_t size)
                          : f->presses > f->fitted ? ". Left out in turn, left %:"
                                                   : "Left out in turn and predicted, left %:",
                          100 * f->press[k].lone);
-    if (used == 0) snprintf(text, size, "No other press was predicted");
+    if (used == 0) used = snprintf(text, size, "No other press was predicted");
+    bool one = true; // all tools have one shape
+    for (int k = 1; k < f->presses; k++) one &= f->press[k].tool->shape == f->press[0].tool->shape;
+    if (one)
+        snprintf(text + used, size - (size_t)used,
+                 ". All tools had one shape: the force on another shape may be 25 %% off");
+}
+
+// Return the mean half width of the 95 % band of a press, as a share of its largest force.
+static double band_of(const kn_press_record *p)
+{
+    double sum = 0;
+    for (int i = 0; i < p->curve->count; i++) sum += p->band_n[i];
+    return sum / p->curve->count / kn_curve_largest(p->curve);
 }
 
 static void tell(kn_identification *w)
@@ -325,24 +340,27 @@ static void tell(kn_identification *w)
     printf("\n%-7s %s\n", "", "best value and 95 % interval");
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_print_number(&f->number[i], 7, 44, "");
     if (f->compliance.name) kn_identify_print_number(&f->compliance, 7, 44, "  frame and gauge give way");
-    printf("\n%-20s %12s %12s %16s\n", "press", "touch, mm", "left, %", "left out, %");
+    printf("\n%-20s %12s %12s %12s %16s\n", "press", "touch, mm", "left, %", "band, %", "left out, %");
     for (int k = 0; k < f->presses; k++) {
         const kn_press_record *p = &f->press[k];
         char lone[20] = "-";
         if (k < f->fitted && !isnan(p->lone)) snprintf(lone, sizeof lone, "%.2g", 100 * p->lone);
-        printf("%-20s %12.4g %12.2g %16s%s\n", p->curve->name, 1e3 * p->touch_m, 100 * p->left, lone,
-               k < f->fitted ? "" : "   predicted, not fitted");
+        printf("%-20s %12.4g %12.2g %12.2g %16s%s\n", p->curve->name, 1e3 * p->touch_m, 100 * p->left, 100 * band_of(p),
+               lone, k < f->fitted ? "" : "   predicted, not fitted");
         json_t *row = kn_result_add("presses");
         kn_result_text(row, "name", p->curve->name);
         kn_result_text(row, "tool", p->tool->name);
         kn_result_number(row, "touch_m", p->touch_m);
         kn_result_number(row, "left", p->left);
+        kn_result_number(row, "band", band_of(p));
         kn_result_number(row, "left_when_left_out", p->lone);
         kn_result_number(row, "pull_left_out_n_s", p->pull_n_s);
         kn_result_text(row, "role", k < f->fitted ? "fitted" : "predicted");
     }
     printf("left: rms difference of the forces, %% of the largest, as kneadd steps the lattice.\n"
-           "left out: the same for a fit without this press\n");
+           "band: half of the 95 %% band, on average: of noise and of uncertain numbers; what the law cannot do is not "
+           "in it.\n"
+           "left out: the same as left, for a fit without this press\n");
     predicted(f, text, sizeof text);
     printf("%s\nthe lattice was pressed %d times\n\n", text, f->runs);
     doubt(w);

@@ -16,7 +16,7 @@
 
 enum { COMPLIANCE = KN_ESTIMATE_NUMBERS, TOUCH }; // indices of the unknowns; TOUCH + k: place of touch of press k
 
-#define STEPS 1500    // of a press in the search
+#define STEPS 3000    // of a press in the search; more if they would be longer than LONGEST
 #define LONGEST 0.008 // s, of such a step: a ball's contact needs many iterations in longer ones
 
 typedef struct path { // of a tool: its depth in the object
@@ -76,8 +76,9 @@ static kn_model *make_model(const kn_press_fit *fit, const kn_press_record *p, c
     def.probe[0] = *p->tool;
     def.probe[0].coupling_n_m = def.probe[0].coupling_n_s_m = 0;
     if (p->tool->shape != KN_PROBE_PLATE && compliance_m_n > 1e-9) def.probe[0].coupling_n_m = 1 / compliance_m_n;
-    if (search) {
-        def.solver.dt_s = fmin(fmax((c->time_s[c->count - 1] - c->time_s[0]) / STEPS, 1e-3), LONGEST);
+    const double longer_s = fmin((c->time_s[c->count - 1] - c->time_s[0]) / STEPS, LONGEST);
+    if (search && longer_s > def.solver.dt_s) {
+        def.solver.dt_s = longer_s;
         def.solver.iterations_max = 100; // longer steps need more iterations
     }
     return kn_model_build(&def, error, sizeof error);
@@ -151,28 +152,33 @@ static bool run_jobs(int count, job *all)
 
 // ---- the fit
 
-#define FAR 100 // an end of an interval that is this factor away from the best value is no limit
-#define TRIALS 2000
+#define FAR 100 // an end of an interval that is this factor away from the best value counts as open
+
+enum { TRIALS = 10000 };
 
 typedef struct search {
     kn_press_fit *fit;
     int first, end; // presses that are compared: first..end-1
-    bool records;   // the residuals are those of the fitted presses, and not shifted: record the trials
     bool keeps;     // the stages are over: keep the best values for an interrupted fit
     bool served;    // use the scene's own solver, not the longer steps of the search
     double *shift;  // [readings] residuals with the scene's own solver minus those of the search, in the last round
-    // all that was tried before the shift: values of the material and the frame, and the sum of squares
-    int tried;
-    double trial[TRIALS][TOUCH], trial_sum[TRIALS];
-    int readings;         // of the fitted presses
-    double *force;        // [readings of all presses] scratch
+    int readings;   // of the fitted presses
     double least, kept_s; // least sum of squares so far; time when the file to resume was last written
     kn_progress bar;
-    // the linearised model: the best values, and there the residuals at[readings] and slopes slope[unknowns][readings]
-    const kn_fit *best;
-    const double *at, *slope;
-    int without, only; // press whose residuals do not count, or that alone counts; -1: none
+    pthread_mutex_t lock; // of all above and below: misfit runs in several threads at once
+    int tried; // what was tried since the shift: values of the material and the frame, and the sum of squares
+    double trial[TRIALS][TOUCH], trial_sum[TRIALS];
 } search;
+
+// The model of the fitted presses, linearised about some values.
+typedef struct straight {
+    const search *s;
+    const kn_fit_unknown *about;
+    const double *at, *slope; // [readings] residuals, [unknowns][readings] slopes
+    int without, only;        // press whose residuals do not count, or that alone counts; -1: none
+    const double *near;       // [unknowns] after the readings: distances of the unknowns from here, in `reach`; or NULL
+    double reach;
+} straight;
 
 static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
 
@@ -210,46 +216,60 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     const kn_material material = kn_lattice_material(value, false);
     job jobs[KN_CURVES_MAX];
     const double *shift = s->shift;
-    double *force = s->force, sum = 0;
+    double *force = residual, sum = 0; // the forces become residuals where they are
+    if (kn_interrupted) return false;
     for (int k = s->first; k < s->end; force += fit->press[k++].curve->count)
         jobs[k - s->first] =
             (job){fit, &fit->press[k], &material, value[TOUCH + k], value[COMPLIANCE], force, .search = !s->served};
     if (!run_jobs(s->end - s->first, jobs)) return false;
-    force = s->force;
     for (int k = s->first; k < s->end; k++) {
         const kn_press_record *p = &fit->press[k];
-        for (int i = 0; i < p->curve->count; i++) {
-            double r = (*force++ - p->curve->value[i]) / p->sigma_n[i];
-            if (s->first == 0 && !s->served) r += *shift++;
-            *residual++ = r, sum += r * r;
+        for (int i = 0; i < p->curve->count; i++, residual++) {
+            *residual = (*residual - p->curve->value[i]) / p->sigma_n[i];
+            if (s->first == 0 && !s->served) *residual += *shift++;
+            sum += *residual * *residual;
         }
     }
+    pthread_mutex_lock(&s->lock);
     s->bar.total = fmax(s->bar.total, ++s->fit->runs / 0.95);
     kn_progress_step(&s->bar, s->fit->runs);
     if (s->keeps && s->first == 0 && !s->served) keep(s, value, sum);
-    if (s->records && s->tried < TRIALS) {
+    if (s->first == 0 && !s->served && s->tried < TRIALS) {
         memcpy(s->trial[s->tried], value, sizeof s->trial[0]);
         s->trial_sum[s->tried++] = sum;
     }
+    pthread_mutex_unlock(&s->lock);
     return !kn_interrupted;
+}
+
+static double squares(const double *residual, int readings)
+{
+    double sum = 0;
+    for (int i = 0; i < readings; i++) sum += residual[i] * residual[i];
+    return sum;
 }
 
 static double inwards(const kn_fit_unknown *u, double value) { return u->linear ? value : log(value); }
 
+static double width(const kn_fit_unknown *u) { return u->linear ? u->high - u->low : 1; } // makes unknowns comparable
+
 // Compute the residuals of the fitted presses by the linearised model.
 static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
-    const search *s = of;
-    const kn_fit_unknown *u = s->best->unknown;
-    for (int k = 0, i = 0; k < s->fit->fitted; k++) {
-        const bool counts = k != s->without && (s->only < 0 || k == s->only);
-        for (int n = 0; n < s->fit->press[k].curve->count; n++, i++) residual[i] = counts ? s->at[i] : 0;
-        for (int j = 0; j < s->best->unknowns && counts; j++) {
+    const straight *l = of;
+    const kn_fit_unknown *u = l->about;
+    const kn_press_fit *fit = l->s->fit;
+    for (int k = 0, i = 0; k < fit->fitted; k++) {
+        const bool counts = k != l->without && (l->only < 0 || k == l->only);
+        for (int n = 0; n < fit->press[k].curve->count; n++, i++) residual[i] = counts ? l->at[i] : 0;
+        for (int j = 0; j < TOUCH + fit->presses && counts; j++) {
             const double way = inwards(&u[j], value[j]) - inwards(&u[j], u[j].value);
-            for (int n = s->fit->press[k].curve->count; n > 0; n--)
-                residual[i - n] += s->slope[j * s->readings + i - n] * way;
+            for (int n = fit->press[k].curve->count; n > 0; n--)
+                residual[i - n] += l->slope[j * l->s->readings + i - n] * way;
         }
     }
+    for (int j = 0; j < TOUCH + fit->presses && l->near; j++)
+        residual[l->s->readings + j] = (inwards(&u[j], value[j]) - l->near[j]) / (l->reach * width(&u[j]));
     return true;
 }
 
@@ -284,18 +304,18 @@ static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
     *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .low = c->other[first] - 0.3 * range};
     touch->high = c->other[first] + 0.3 * range;
     touch->value = first > 0 ? c->other[first] : c->other[first] - 0.01 * range;
-    // a plate meets its whole force at once, so it touches between two readings
-    if (first > 0 && p->tool->shape == KN_PROBE_PLATE) {
+    // If a plate meets a large force at once, it touches between two readings.
+    if (first > 0 && p->tool->shape == KN_PROBE_PLATE && c->value[first] > 0.1 * most) {
         touch->low = c->other[first - 1], touch->high = c->other[first];
         touch->value = 0.5 * (touch->low + touch->high);
         p->sigma_n[first] = INFINITY;
     }
-    // The path turns between two readings, and the force of a dashpot jumps there. So the next reading is not compared.
+    // The path turns between two readings, and the force of a dashpot jumps there. So three readings are not compared.
     double deepest = -INFINITY;
     for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
     for (int i = 1; i < c->count; i++)
         if ((c->other[i] > deepest - 1e-3 * range) != (c->other[i - 1] > deepest - 1e-3 * range))
-            p->sigma_n[i] = INFINITY;
+            for (int k = i - 1; k <= i + 1 && k < c->count; k++) p->sigma_n[k] = INFINITY;
     return true;
 }
 
@@ -351,20 +371,28 @@ static bool find_start(search *s, const kn_fit *fit, kn_material *m)
 
 // ---- intervals and bands
 
+// Make `trial` a fit of the linearised model.
+static void begin_straight(kn_fit *trial, const kn_fit *best, straight *model)
+{
+    *trial = *best;
+    trial->misfit = misfit_straight, trial->of = model;
+    trial->jacobian = NULL, trial->coarse = trial->concurrent = false;
+}
+
 // Fit the linearised model without each press in turn. Set the covariance to that of the jackknife, if it is larger, and compute how well
 // the press that was left out is predicted once its place of touch is fitted.
-static void jackknife(search *s, kn_fit *best, kn_fit *trial, double *residual)
+static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double *at, double *residual)
 {
+    straight model = {s, best->unknown, at, best->jacobian, .without = -1, .only = -1};
     static double moved[KN_CURVES_MAX][KN_FIT_UNKNOWNS], mean[KN_FIT_UNKNOWNS];
     const int count = s->fit->fitted, unknowns = best->unknowns;
     double value[KN_FIT_UNKNOWNS];
     memset(mean, 0, sizeof mean);
     for (int k = 0, from = 0; k < count; from += s->fit->press[k++].curve->count) {
         kn_press_record *p = &s->fit->press[k];
-        *trial = *best;
-        trial->misfit = misfit_straight, trial->jacobian = NULL, trial->coarse = false;
+        begin_straight(trial, best, &model);
         trial->unknown[TOUCH + k].fixed = true;
-        s->without = k, s->only = -1;
+        model.without = k, model.only = -1;
         const bool good = kn_lattice_fit(trial);
         for (int u = 0; u < unknowns; u++) {
             const kn_fit_unknown *is = &best->unknown[u];
@@ -372,12 +400,12 @@ static void jackknife(search *s, kn_fit *best, kn_fit *trial, double *residual)
             mean[u] += moved[k][u] / count;
             trial->unknown[u].fixed = u != TOUCH + k;
         }
-        s->without = -1, s->only = k;
+        model.without = -1, model.only = k;
         if (!good || !kn_fit_run(trial)) continue;
         double sum = 0;
         int all = 0;
         kn_fit_values(trial, value);
-        misfit_straight(s, value, residual);
+        misfit_straight(&model, value, residual);
         for (int n = 0; n < p->curve->count; n++)
             if (isfinite(p->sigma_n[n])) all++, sum += pow(residual[from + n] * p->sigma_n[n], 2);
         p->lone = sqrt(sum / all) / kn_curve_largest(p->curve);
@@ -407,44 +435,199 @@ static double widened(const kn_fit *fit, const double *residual)
     return fit->scale * sqrt((1 + alike) / (1 - alike));
 }
 
-// Move one unknown to a value, where the lattice is pressed, and let the others follow by the linearised model. Return by
-// how many standard deviations the sum of squares has risen.
-static double risen(search *s, const kn_fit *best, kn_fit *trial, double *residual, int unknown, double to)
+// ---- profile intervals
+
+enum { CORRECTIONS = 8, ENDS_TRIED = 10 };
+
+#define REACH 0.3  // within which the others stay, in their logarithms
+#define STRIDE 0.7 // largest step along a profile, in the logarithm of the unknown
+
+// Values on the way to one end of an interval, and the model linearised about them.
+typedef struct place {
+    kn_fit about;
+    double *at, *slope; // [readings], [unknowns][readings]
+} place;
+
+// One end of the profile interval of an unknown: the value at which the sum of squares has risen by t standard deviations,
+// while the others are fitted anew. The ends are found side by side, each in a thread.
+typedef struct profile {
+    search *s;
+    const kn_fit *best;
+    const double *at; // [readings] residuals at the best values
+    double scale, t;
+    int unknown, side;
+    place now, inner;              // where the search is; the outermost place whose sum has not risen enough
+    double along[KN_FIT_UNKNOWNS]; // how the others follow the unknown
+    kn_fit trial;                  // scratch, as is `residual`
+    double *residual;
+    double end; // result; open: the sum does not rise enough before the bound
+    bool open;
+    double least, lower[KN_FIT_UNKNOWNS]; // least sum of squares that was met, and the values there
+} profile;
+
+static void copy_place(const profile *p, place *to, const place *from)
 {
-    double value[KN_FIT_UNKNOWNS];
-    kn_fit_values(best, value);
-    value[unknown] = to;
-    if (!misfit(s, value, residual)) return INFINITY;
-    const double *at = s->at;
-    *trial = *best;
-    trial->misfit = misfit_straight, trial->jacobian = NULL, trial->coarse = false;
-    trial->unknown[unknown].fixed = true;
-    s->at = residual;
-    const bool good = kn_fit_run(trial);
-    s->at = at;
-    return good ? sqrt(fmax(trial->sum - best->sum, 0)) / best->scale : (double)INFINITY;
+    const size_t readings = (size_t)p->s->readings * sizeof(double);
+    to->about = from->about;
+    memcpy(to->at, from->at, readings);
+    memcpy(to->slope, from->slope, (size_t)p->best->unknowns * readings);
 }
 
-// Return the 95 % interval of an unknown. It begins with that by curvature. A side on which the sum of squares has not
-// risen enough there is moved outwards until it has, or to the bound: P0 and P1 change nothing beyond the stresses that
-// occur, so their curvature says little.
-static kn_fit_interval interval_of(search *s, const kn_fit *best, kn_fit *trial, double *residual, int unknown)
+// Correct the slopes by what other values have changed (Broyden), and go there unless `stay`: the valley of a poorly
+// determined pair of numbers, such as alpha and beta, is long and bent.
+static void go_to(const profile *p, place *now, const double *value, const double *residual, bool stay)
 {
-    const kn_fit_unknown *u = &best->unknown[unknown];
-    kn_fit_interval i = kn_fit_interval_by(best, unknown, 0.95, KN_FIT_CURVATURE);
-    const double t = kn_fit_student(0.95, best->freedom), here = inwards(u, u->value);
-    for (int side = 0; side < 2 && !u->fixed; side++) {
-        double *end = side ? &i.high : &i.low, bound = side ? u->high : u->low;
-        bool *open = side ? &i.open_high : &i.open_low;
-        i.how = KN_FIT_PROFILE;
-        while (!*open && risen(s, best, trial, residual, unknown, *end) < 0.8 * t) {
-            const double next = here + 1.6 * (inwards(u, *end) - here);
-            const bool far = !u->linear && fabs(next - here) > log(FAR);
-            *open = far || (side ? next >= inwards(u, bound) : next <= inwards(u, bound));
-            *end = *open ? bound : u->linear ? next : exp(next);
-        }
+    const int unknowns = p->best->unknowns, readings = p->s->readings;
+    double way[KN_FIT_UNKNOWNS], share[KN_FIT_UNKNOWNS], size = 1e-300;
+    for (int u = 0; u < unknowns; u++) {
+        kn_fit_unknown *is = &now->about.unknown[u];
+        way[u] = inwards(is, value[u]) - inwards(is, is->value);
+        share[u] = way[u] / pow(width(is), 2);
+        size += way[u] * share[u];
+        if (!stay) is->value = value[u];
     }
-    return i;
+    for (int i = 0; i < readings; i++) {
+        double left = residual[i] - now->at[i];
+        for (int u = 0; u < unknowns; u++) left -= now->slope[u * readings + i] * way[u];
+        for (int u = 0; u < unknowns; u++) now->slope[u * readings + i] += left * share[u] / size;
+        if (!stay) now->at[i] = residual[i];
+    }
+}
+
+// Move the unknown to `to` and let the others follow, in up to CORRECTIONS presses. Along a flat valley the others stay
+// near where the last steps predict them. Return by how many standard deviations the sum of squares is then above
+// the least.
+static double risen(profile *p, double to)
+{
+    const kn_fit_unknown *u = p->now.about.unknown;
+    const int unknowns = p->best->unknowns, readings = p->s->readings;
+    double value[KN_FIT_UNKNOWNS], near[KN_FIT_UNKNOWNS], sum = INFINITY, reach = REACH / p->scale;
+    const double way = inwards(&u[p->unknown], to) - inwards(&u[p->unknown], u[p->unknown].value);
+    for (int k = 0; k < unknowns; k++) near[k] = inwards(&u[k], u[k].value) + fmin(fmax(p->along[k] * way, -1), 1);
+    for (int turn = 0; turn < CORRECTIONS; turn++) {
+        straight model = {p->s, u, p->now.at, p->now.slope, .without = -1, .only = -1, .near = near, .reach = reach};
+        begin_straight(&p->trial, &p->now.about, &model);
+        p->trial.readings = readings + unknowns;
+        p->trial.unknown[p->unknown].value = to;
+        p->trial.unknown[p->unknown].fixed = true;
+        if (!kn_fit_run(&p->trial)) break;
+        kn_fit_values(&p->trial, value);
+        if (!misfit(p->s, value, p->residual)) break;
+        const double now = squares(p->residual, readings);
+        if (!isfinite(now)) break;
+        if (now < p->least) p->least = now, memcpy(p->lower, value, sizeof value);
+        const double gain = sum - now;
+        go_to(p, &p->now, value, p->residual, turn > 0 && gain < 0);
+        if (gain < 0) reach /= 3;
+        else sum = now;
+        for (int k = 0; k < unknowns; k++) near[k] = inwards(&u[k], u[k].value);
+        if (fabs(gain) < 0.1 * p->t * p->t * p->scale * p->scale) break;
+    }
+    return sqrt(fmax(sum - p->best->sum, 0)) / p->scale;
+}
+
+// Compute the slopes at the inner place anew.
+static void refresh(profile *p)
+{
+    double value[KN_FIT_UNKNOWNS];
+    kn_fit_values(&p->inner.about, value);
+    for (int k = 0; k < p->best->unknowns; k++) {
+        const kn_fit_unknown *u = &p->inner.about.unknown[k];
+        const double old = value[k], step = 0.01 * width(u);
+        if (u->fixed) continue;
+        value[k] = u->linear ? old - step : old * exp(-step);
+        const bool good = value[k] >= u->low && misfit(p->s, value, p->residual);
+        value[k] = old;
+        for (int i = 0; i < p->s->readings && good; i++)
+            p->inner.slope[k * p->s->readings + i] = (p->inner.at[i] - p->residual[i]) / step;
+    }
+}
+
+// Find the end. Distances are in the variable of the search, from the best value outwards.
+static void *find_end(void *of)
+{
+    profile *p = of;
+    const kn_fit_unknown *u = &p->best->unknown[p->unknown];
+    const double here = inwards(u, u->value), bound = p->side ? u->high : u->low, sign = p->side ? 1 : -1;
+    const double farthest = fmin(sign * (inwards(u, bound) - here), u->linear ? INFINITY : log(FAR));
+    double inner = 0, inner_rise = 0, outer = INFINITY, outer_rise = 0;
+    const double *covariance = p->best->covariance[p->unknown], stride = u->linear ? INFINITY : STRIDE;
+    double next = fmin(fmin(p->t * p->scale * sqrt(covariance[p->unknown]), farthest), stride);
+    copy_place(p, &p->now, &p->inner);
+    for (int k = 0; k < p->best->unknowns; k++) {
+        p->along[k] = covariance[k] / covariance[p->unknown];
+        if (!isfinite(p->along[k])) p->along[k] = 0;
+    }
+    for (int i = 0; i < ENDS_TRIED && outer - inner > 0.1 * inner; i++) {
+        const double to = here + sign * next, rise = risen(p, u->linear ? to : exp(to));
+        if (rise < p->t) {
+            for (int k = 0; k < p->best->unknowns; k++) {
+                const kn_fit_unknown *from = &p->inner.about.unknown[k], *now = &p->now.about.unknown[k];
+                p->along[k] = (inwards(now, now->value) - inwards(from, from->value)) / (sign * (next - inner));
+            }
+            inner = next, inner_rise = rise;
+            if (next >= farthest) break;
+            copy_place(p, &p->inner, &p->now);
+            if (!isfinite(outer)) {
+                next = fmin(fmin(inner * fmin(fmax(1.1 * p->t / rise, 1.5), 2), inner + stride), farthest);
+                continue;
+            }
+        } else {
+            if (!isfinite(outer)) refresh(p);
+            outer = next, outer_rise = fmin(rise, 4 * p->t);
+            if (rise < 1.2 * p->t) break;
+            copy_place(p, &p->now, &p->inner);
+        }
+        next = inner + 0.5 * (outer - inner);
+    }
+    p->open = !isfinite(outer) && inner >= farthest;
+    double way = inner + (p->t - inner_rise) / (outer_rise - inner_rise) * (outer - inner);
+    if (!isfinite(outer)) way = fmin(inner * p->t / fmax(inner_rise, 0.5 * p->t), farthest);
+    p->end = p->open ? bound : u->linear ? here + sign * way : exp(here + sign * way);
+    return NULL;
+}
+
+static bool make_profile(profile *p)
+{
+    const size_t readings = (size_t)p->s->readings, unknowns = (size_t)p->best->unknowns;
+    p->residual = malloc((3 + 2 * unknowns) * readings * sizeof *p->residual);
+    if (!p->residual) return false;
+    p->now.at = p->residual + readings, p->inner.at = p->now.at + readings;
+    p->now.slope = p->inner.at + readings, p->inner.slope = p->now.slope + unknowns * readings;
+    p->inner.about = *p->best;
+    memcpy(p->inner.at, p->at, readings * sizeof *p->at);
+    memcpy(p->inner.slope, p->best->jacobian, unknowns * readings * sizeof *p->inner.slope);
+    return true;
+}
+
+// Find the profile intervals of the material and the frame. Return 1, or 0 if a better fit was met on the way, whose values
+// are then in best->unknown, or -1 if memory runs out.
+static int profiles(search *s, kn_fit *best, const double *at, double scale, kn_fit_interval interval[TOUCH])
+{
+    static profile all[2 * TOUCH];
+    pthread_t thread[2 * TOUCH];
+    bool made = true;
+    const profile *better = NULL;
+    const double t = kn_fit_student(0.95, best->freedom), less = best->sum - 0.1 * scale * scale;
+    for (int i = 0; i < 2 * TOUCH; i++) {
+        all[i] = (profile){.s = s, best, at, scale, t, .unknown = i / 2, .side = i % 2, .least = less};
+        all[i].end = best->unknown[i / 2].value;
+        made = made && (best->unknown[i / 2].fixed || make_profile(&all[i]));
+    }
+    for (int i = 0; i < 2 * TOUCH && made; i++)
+        if (all[i].residual && pthread_create(&thread[i], NULL, find_end, &all[i]) != 0)
+            find_end(&all[i]), thread[i] = pthread_self();
+    for (int i = 0; i < 2 * TOUCH; i++) {
+        if (made && all[i].residual && thread[i] != pthread_self()) pthread_join(thread[i], NULL);
+        free(all[i].residual);
+        kn_fit_interval *to = &interval[i / 2];
+        to->how = KN_FIT_PROFILE;
+        if (i % 2) to->high = all[i].end, to->open_high = all[i].open;
+        else to->low = all[i].end, to->open_low = all[i].open;
+        if (all[i].least < less && (!better || all[i].least < better->least)) better = &all[i];
+    }
+    for (int u = 0; u < best->unknowns && better; u++) best->unknown[u].value = better->lower[u];
+    return !made ? -1 : !better;
 }
 
 // Compute half of the 95 % band of each force of the presses first..end-1: what the covariance of the unknowns does to it,
@@ -477,7 +660,7 @@ static bool predict(search *s, kn_fit *best, kn_fit *trial, double scatter, int 
     *trial = *best;
     trial->readings = readings, trial->jacobian = NULL;
     for (int u = 0; u < best->unknowns; u++) trial->unknown[u].fixed = u != touch;
-    bool good = kn_fit_search(trial);
+    bool good = kn_fit_run(trial);
     best->unknown[touch].value = trial->unknown[touch].value;
     double value[KN_FIT_UNKNOWNS], *here = slope + best->unknowns * readings;
     kn_fit_values(best, value);
@@ -537,41 +720,26 @@ static bool search_in_stages(kn_fit *fit)
     return good && kn_fit_search(fit);
 }
 
-// Search from several starts, with more and with less thinning than the material of the start, and keep the best result.
-static bool search_from_starts(search *s, kn_fit *best)
+// Search from several starts and keep the best result: with more and with less thinning than the material of the start, and
+// with a softer spring, which a short press hardly shows.
+static bool search_from_starts(kn_fit *best)
 {
-    static const double thinning[] = {1, 0.4, 2.5};
+    static const double thinning[] = {1, 0.4, 2.5}, spring[] = {1, 0.1, 0.1};
     kn_fit_unknown from[KN_FIT_UNKNOWNS], found[KN_FIT_UNKNOWNS];
     double least = INFINITY;
     memcpy(from, best->unknown, sizeof from);
-    s->records = true;
     for (size_t i = 0; i < sizeof thinning / sizeof *thinning; i++) {
         memcpy(best->unknown, from, sizeof from);
         kn_fit_unknown *beta = &best->unknown[KN_ESTIMATE_BETA];
+        kn_fit_unknown *k1 = &best->unknown[KN_ESTIMATE_K1];
         beta->value = fmin(beta->value * thinning[i], beta->high);
+        k1->value = fmax(k1->value * spring[i], k1->low);
         if (!search_in_stages(best) || !(best->sum < least)) continue;
         least = best->sum;
         memcpy(found, best->unknown, sizeof found);
     }
-    s->records = false;
     if (isfinite(least)) memcpy(best->unknown, found, sizeof found);
     return isfinite(least);
-}
-
-// Widen the interval of an unknown to all trials whose sum of squares is not significantly above the least. The valley of a
-// poorly determined pair of numbers, such as alpha and beta, is long and bent, and the linearised model sees only its middle.
-static void widen(const search *s, const kn_fit *best, double scale, int unknown, kn_fit_interval *i)
-{
-    const kn_fit_unknown *u = &best->unknown[unknown];
-    double least = INFINITY;
-    for (int k = 0; k < s->tried; k++) least = fmin(least, s->trial_sum[k]);
-    for (int k = 0; k < s->tried && !u->fixed; k++) {
-        if (s->trial_sum[k] > least + 9 * scale * scale) continue; // three standard deviations: trials are few
-        i->low = fmin(i->low, s->trial[k][unknown]), i->high = fmax(i->high, s->trial[k][unknown]);
-    }
-    if (u->linear || u->fixed) return;
-    if (!i->open_low && i->low < u->value / FAR) i->open_low = true, i->low = u->low;
-    if (!i->open_high && i->high > u->value * FAR) i->open_high = true, i->high = u->high;
 }
 
 // Press the lattice with the scene's own solver at the present values, and shift the residuals of the search to these.
@@ -584,9 +752,37 @@ static bool shift_to_served(search *s, const kn_fit *fit, double *residual)
     s->served = true;
     good = good && misfit(s, value, s->shift);
     s->served = false;
-    for (int i = 0; i < s->readings; i++) s->shift[i] -= residual[i];
-    s->least = INFINITY; // sums from before are no longer comparable
+    double most = 0;
+    for (int i = 0; i < s->readings; i++) {
+        s->shift[i] -= residual[i];
+        most = fmax(most, fabs(s->shift[i]));
+    }
+    if (most > 0) s->least = INFINITY, s->tried = 0; // sums from before are no longer comparable
     return good;
+}
+
+static void join(kn_fit_interval *to, const kn_fit_interval *other, bool replace)
+{
+    if (replace) *to = *other;
+    to->low = fmin(to->low, other->low), to->high = fmax(to->high, other->high);
+    to->open_low |= other->open_low, to->open_high |= other->open_high;
+}
+
+// Widen the interval of an unknown to all that was tried and is not significantly worse: the searches from several starts
+// may end in different parts of a long valley.
+static void widen(const search *s, const kn_fit *best, double scale, int unknown, kn_fit_interval *i)
+{
+    const kn_fit_unknown *u = &best->unknown[unknown];
+    const double t = kn_fit_student(0.95, best->freedom);
+    double least = best->sum;
+    for (int k = 0; k < s->tried; k++) least = fmin(least, s->trial_sum[k]);
+    for (int k = 0; k < s->tried && !u->fixed; k++) {
+        if (s->trial_sum[k] > least + t * t * scale * scale) continue;
+        i->low = fmin(i->low, s->trial[k][unknown]), i->high = fmax(i->high, s->trial[k][unknown]);
+    }
+    if (u->linear || u->fixed) return;
+    if (!i->open_low && i->low < u->value / FAR) i->open_low = true, i->low = u->low;
+    if (!i->open_high && i->high > u->value * FAR) i->open_high = true, i->high = u->high;
 }
 
 // Search, then find intervals and bands. `trial` and `residual` are scratch.
@@ -594,33 +790,47 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
 {
     kn_press_fit *fit = s->fit;
     double value[KN_FIT_UNKNOWNS];
-    if (!(fit->resumed || search_from_starts(s, best))) return false;
+    if (!(fit->resumed || search_from_starts(best))) return false;
+    s->keeps = true;
     for (int round = 0; round < 2; round++) {
         if (!shift_to_served(s, best, residual)) return false;
         double sum = 0;
         for (int i = 0; i < s->readings; i++) sum += pow(residual[i] + s->shift[i], 2);
-        if (round > 0 && fabs(sum / best->sum - 1) < 1e-3) break; // the shift is that of the last round
+        if (round > 0 && fabs(sum / best->sum - 1) < 1e-3) break;
         if (!kn_lattice_fit(best)) return false;
     }
+    // the search for the ends of the intervals may meet a better fit: then go on there
+    kn_fit_interval interval[TOUCH];
+    double scale = 1;
+    for (int turn = 0; turn < 3; turn++) {
+        kn_fit_interval found[TOUCH];
+        kn_fit_values(best, value);
+        if (!misfit(s, value, residual)) return false;
+        best->sum = squares(residual, s->readings); // the shift may have changed since the fit
+        // a scale below 1 is chance, or the readings come from a lattice
+        scale = fmax(fit->fitted > 1 ? best->scale : widened(best, residual), 1);
+        const int done = profiles(s, best, residual, scale, found);
+        if (done < 0) return false;
+        for (int u = 0; u < TOUCH; u++) join(&interval[u], &found[u], turn == 0);
+        if (done || !kn_lattice_fit(best)) break;
+    }
     kn_fit_values(best, value);
+    if (!misfit(s, value, residual)) return false;
+    for (int u = 0; u < TOUCH; u++) widen(s, best, scale, u, &interval[u]);
     fit->material = kn_lattice_material(value, false);
     fit->compliance_m_n = value[COMPLIANCE];
-    if (!misfit(s, value, residual)) return false;
-    s->best = best, s->at = residual, s->slope = best->jacobian;
     const double scatter = best->scale;
-    double *spare = calloc((size_t)best->readings, sizeof *spare);
-    if (!spare) return false;
-    kn_fit_interval interval[TOUCH];
-    // a scale below 1 is chance, or the readings come from a lattice
-    const double scale = fmax(fit->fitted > 1 ? scatter : widened(best, residual), 1);
-    if (fit->fitted > 1) jackknife(s, best, trial, spare);
-    else best->scale = scale;
-    for (int u = 0; u < TOUCH; u++) {
-        interval[u] = fit->fitted > 1 ? kn_fit_interval_by(best, u, 0.95, KN_FIT_CURVATURE)
-                                      : interval_of(s, best, trial, spare, u);
-        widen(s, best, scale, u, &interval[u]);
+    best->scale = scale;
+    if (fit->fitted > 1) {
+        double *spare = calloc((size_t)best->readings, sizeof *spare);
+        if (!spare) return false;
+        jackknife(s, best, trial, residual, spare);
+        free(spare);
+        for (int u = 0; u < TOUCH; u++) {
+            const kn_fit_interval spread = kn_fit_interval_by(best, u, 0.95, KN_FIT_CURVATURE);
+            join(&interval[u], &spread, false);
+        }
     }
-    free(spare);
     kn_lattice_numbers(fit->number, best, &fit->material, interval);
     if (!best->unknown[COMPLIANCE].fixed) {
         kn_parameter_estimate_set(&fit->compliance, "frame", "m/N", value[COMPLIANCE], interval[COMPLIANCE]);
@@ -638,11 +848,11 @@ int kn_press_fit_run(kn_press_fit *fit)
 {
     static kn_fit best, trial;
     static search s;
-    s = (search){.fit = fit, .end = fit->fitted, .least = INFINITY, .kept_s = now_s(), .without = -1, .only = -1};
+    s = (search){.fit = fit, .end = fit->fitted, .least = INFINITY, .kept_s = now_s()};
     kn_material start = fit->object->material;
-    int all = 0;
     double most = 0;
-    best = (kn_fit){.misfit = misfit, .of = &s, .coarse = true};
+    pthread_mutex_init(&s.lock, NULL);
+    best = (kn_fit){.misfit = misfit, .of = &s, .coarse = true, .concurrent = true};
     kn_lattice_unknowns(&best, &start, 0);
     best.unknowns = TOUCH + fit->presses;
     for (int k = 0; k < fit->presses; k++) {
@@ -650,7 +860,6 @@ int kn_press_fit_run(kn_press_fit *fit)
         kn_fit_unknown *touch = &best.unknown[TOUCH + k];
         if (!prepare(&fit->press[k], touch)) return kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
         touch->fixed = k >= fit->fitted;
-        all += c->count;
         if (k < fit->fitted) s.readings += c->count;
         most = fmax(most, kn_curve_largest(c));
         // bound: the frame yields by at most 30 % of the way down
@@ -666,10 +875,9 @@ int kn_press_fit_run(kn_press_fit *fit)
     best.jacobian = calloc((size_t)best.unknowns * (size_t)s.readings, sizeof *best.jacobian);
     double *residual = calloc(2 * (size_t)s.readings, sizeof *residual);
     s.shift = residual ? residual + s.readings : NULL;
-    s.force = calloc((size_t)all, sizeof *s.force);
     s.bar = kn_progress_open(fit->subcommand, 100);
     int code = KN_EXIT_OK;
-    if (!best.jacobian || !residual || !s.force) code = kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
+    if (!best.jacobian || !residual) code = kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
     else {
         double kept[KN_FIT_UNKNOWNS];
         fit->resumed = resume(fit, best.unknowns, kept);
@@ -691,7 +899,6 @@ int kn_press_fit_run(kn_press_fit *fit)
     }
     free(best.jacobian);
     free(residual);
-    free(s.force);
     return code;
 }
 

@@ -439,7 +439,7 @@ static void print_coarse(const kn_model_def *def)
 {
     const int cells = def->nodes[2] - 1;
     if (!def->mesh && def->structure == KN_STRUCTURE_DIAGONALS && cells < 5 && def->force_factor == 1)
-        warn("%d cells along z are few: forces may be 10 to 50 %% off; knead tradeoff --spacing measures by how much, "
+        warn("%d cells along z are few: forces may be 8 to 50 %% off; knead tradeoff --spacing measures by how much, "
              "and "
              "object.force_factor corrects them",
              cells);

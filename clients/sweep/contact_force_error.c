@@ -46,6 +46,7 @@ double kn_contact_force_factor(const kn_replay_trace *a, const kn_replay_trace *
         for (int k = 0; k < 3; k++) both += a->force_n[i][k] * b->force_n[i][k];
         size += squares(a->force_n[i]), other += squares(b->force_n[i]);
     }
+    if (!(size > 0)) return NAN;
     *left = ratio(fmax(other - both * both / size, 0), other);
     return both / size;
 }

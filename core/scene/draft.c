@@ -385,7 +385,7 @@ static bool finish_object(kn_draft *draft)
         if (whole < 1 || !(fabs(cells - whole) <= SPACING_TOLERANCE))
             return kn_draft_complain(draft, at,
                                      "object.size along %c, %g m, is %.8g spacings of %g m, "
-                                     "expected a whole number (%.10g m would be)",
+                                     "expected a whole number, e.g. with a spacing of %.10g m",
                                      axis[k], draft->size_m[k], cells, def->spacing_m,
                                      draft->size_m[k] / fmax(whole, 1));
         def->nodes[k] = whole > NODES_MAX ? NODES_MAX + 1 : (int)whole + 1;
@@ -472,11 +472,12 @@ static void mark_solver(kn_draft *draft)
     draft->scene.solver_line = at.line, draft->scene.solver_col = at.col;
 }
 
-// The factor on the forces is that of one spacing: if a later source changes the spacing, the factor becomes 1.
+// The factor on the forces of a file is that of its spacing: if a --set changes the spacing, the factor becomes 1.
 static void drop_factor(kn_draft *draft)
 {
     kn_mark *factor = &draft->at[0][KN_KEY_FORCE_FACTOR];
-    if (draft->at[0][KN_KEY_SPACING].source > factor->source) factor->source = KN_SOURCE_DEFAULT;
+    const bool other = draft->at[0][KN_KEY_SPACING].source > factor->source;
+    if (factor->source == KN_SOURCE_FILE && other) factor->source = KN_SOURCE_DEFAULT;
     if (factor->source == KN_SOURCE_DEFAULT) draft->scene.model.force_factor = 1;
 }
 

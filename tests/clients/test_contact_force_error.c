@@ -66,6 +66,10 @@ TEST(
     double left;
     CHECK_NEAR(kn_contact_force_factor(&a, &b, &left), 10.0 / 11, 1e-12);
     CHECK_NEAR(left, 0, 1e-7);
+    CHECK(isnan(kn_contact_force_factor(&none, &b, &left)) && isnan(left));
+    b.force_n[0][0] += 0.1 * sqrt(TICKS) * kn_contact_force_peak(&b);
+    kn_contact_force_factor(&a, &b, &left);
+    CHECK(left > 0.05);
     AT_END(kn_replay_trace_free) kn_replay_trace t = empty();
     for (int i = 0; i < TICKS; i++) t.force_n[2 * i][2] = 0.01 * i + (i >= 500 ? 2.5 : 0);
     CHECK_NEAR(kn_contact_force_jump(&t), 2.51, 1e-9);

@@ -159,7 +159,8 @@ TEST("a factor on the forces is that of one spacing: another one, set later or b
     OWN(kn_scene) *balanced = parse(own->text, SETS("quality=balanced"));
     CHECK(own->model.force_factor == 0.9 && has(own, "  force_factor: 0.9\n"));
     CHECK(finer->model.force_factor == 1 && !has(finer, "force_factor"));
-    CHECK(both->model.force_factor == 0.95 && balanced->model.force_factor == 1);
+    OWN(kn_scene) *first = parse(own->text, SETS("object.force_factor=0.95", "object.spacing=5 mm"));
+    CHECK(both->model.force_factor == 0.95 && first->model.force_factor == 0.95 && balanced->model.force_factor == 1);
 }
 
 TEST(
@@ -290,7 +291,7 @@ TEST("a size is a whole number of spacings to within a millionth, and only the g
     CHECK(dough->text_hash == nearly->text_hash);
     CHECK_STR(complaint("object.spacing=3.333 mm"),
               "--set object.spacing: object.size along x, 0.05 m, is 15.0015 spacings of 0.003333 m, "
-              "expected a whole number (0.003333333333 m would be)");
+              "expected a whole number, e.g. with a spacing of 0.003333333333 m");
 }
 
 TEST("an error in a --set names its key") // errors that a file can have, too: clients.bad_scenes
