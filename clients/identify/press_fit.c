@@ -3,6 +3,7 @@
 #include "clients/cli/command.h"
 #include "clients/cli/output.h"
 #include "clients/hand/tool_height.h"
+#include "clients/identify/profile_interval.h"
 #include "core/hash.h"
 #include "core/step.h"
 #include "server/clock.h"
@@ -25,8 +26,9 @@ typedef struct path { // of a tool: its depth in the object
     double speed_m_s; // of the stage before the first reading
 } path;
 
-// Return the depth of the tool at a reading. With a plate, the frame gives way to the measured force. The force is averaged
-// over neighbours, since its noise times the compliance would shake the tool. Other tools hang on a spring (make_model).
+// Return the depth of the tool at a reading. With a plate, the frame gives way to the measured force. The force is
+// averaged over neighbours, since its noise times the compliance would shake the tool. Other tools hang on a spring
+// (make_model).
 static double depth_at(const path *p, int reading)
 {
     const kn_curve *c = p->curve;
@@ -63,8 +65,8 @@ static double touch_s(const path *p)
     return c->time_s[c->count - 1];
 }
 
-// Make the model of a press. Its tool follows the stage, whatever coupling a hand would have: rigidly, or by a spring of the
-// frame's compliance.
+// Make the model of a press. Its tool follows the stage, whatever coupling a hand would have: rigidly, or by a spring
+// of the frame's compliance.
 static kn_model *make_model(const kn_press_fit *fit, const kn_press_record *p, const kn_material *material,
                             double compliance_m_n, bool search)
 {
@@ -84,8 +86,8 @@ static kn_model *make_model(const kn_press_fit *fit, const kn_press_record *p, c
     return kn_model_build(&def, error, sizeof error);
 }
 
-// Compute the force of the lattice at the readings of a press. The ticks begin at the touch, and the tool goes in a straight
-// line from reading to reading. Return false if the lattice cannot follow.
+// Compute the force of the lattice at the readings of a press. The ticks begin at the touch, and the tool goes in a
+// straight line from reading to reading. Return false if the lattice cannot follow.
 static bool press(const kn_model *m, const kn_press_record *p, double touch, double compliance, double *force_n)
 {
     const kn_curve *c = p->curve;
@@ -152,8 +154,6 @@ static bool run_jobs(int count, job *all)
 
 // ---- the fit
 
-#define FAR 100 // an end of an interval that is this factor away from the best value counts as open
-
 enum { TRIALS = 10000 };
 
 typedef struct search {
@@ -176,8 +176,6 @@ typedef struct straight {
     const kn_fit_unknown *about;
     const double *at, *slope; // [readings] residuals, [unknowns][readings] slopes
     int without, only;        // press whose residuals do not count, or that alone counts; -1: none
-    const double *near;       // [unknowns] after the readings: distances of the unknowns from here, in `reach`; or NULL
-    double reach;
 } straight;
 
 static double now_s(void) { return 1e-9 * (double)kn_now_ns(); }
@@ -251,8 +249,6 @@ static double squares(const double *residual, int readings)
 
 static double inwards(const kn_fit_unknown *u, double value) { return u->linear ? value : log(value); }
 
-static double width(const kn_fit_unknown *u) { return u->linear ? u->high - u->low : 1; } // makes unknowns comparable
-
 // Compute the residuals of the fitted presses by the linearised model.
 static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
@@ -268,8 +264,6 @@ static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], doubl
                 residual[i - n] += l->slope[j * l->s->readings + i - n] * way;
         }
     }
-    for (int j = 0; j < TOUCH + fit->presses && l->near; j++)
-        residual[l->s->readings + j] = (inwards(&u[j], value[j]) - l->near[j]) / (l->reach * width(&u[j]));
     return true;
 }
 
@@ -348,8 +342,8 @@ static bool sums_at(search *s, const kn_fit *fit, const kn_material *m, double s
     return isfinite(sum[0]);
 }
 
-// Find the scales of stress and time of a material that come nearest to the presses. For each scale of time, the scale of
-// stress follows from the forces, in three rounds, since gas does not scale.
+// Find the scales of stress and time of a material that come nearest to the presses. For each scale of time, the scale
+// of stress follows from the forces, in three rounds, since gas does not scale.
 static bool find_start(search *s, const kn_fit *fit, kn_material *m)
 {
     static const double times[] = {1, 0.1, 10, 0.01, 100};
@@ -371,16 +365,8 @@ static bool find_start(search *s, const kn_fit *fit, kn_material *m)
 
 // ---- intervals and bands
 
-// Make `trial` a fit of the linearised model.
-static void begin_straight(kn_fit *trial, const kn_fit *best, straight *model)
-{
-    *trial = *best;
-    trial->misfit = misfit_straight, trial->of = model;
-    trial->jacobian = NULL, trial->coarse = trial->concurrent = false;
-}
-
-// Fit the linearised model without each press in turn. Set the covariance to that of the jackknife, if it is larger, and compute how well
-// the press that was left out is predicted once its place of touch is fitted.
+// Fit the linearised model without each press in turn. Set the covariance to that of the jackknife, if it is larger,
+// and compute how well the press that was left out is predicted once its place of touch is fitted.
 static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double *at, double *residual)
 {
     straight model = {s, best->unknown, at, best->jacobian, .without = -1, .only = -1};
@@ -390,7 +376,9 @@ static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double
     memset(mean, 0, sizeof mean);
     for (int k = 0, from = 0; k < count; from += s->fit->press[k++].curve->count) {
         kn_press_record *p = &s->fit->press[k];
-        begin_straight(trial, best, &model);
+        *trial = *best;
+        trial->misfit = misfit_straight, trial->of = &model;
+        trial->jacobian = NULL, trial->coarse = trial->concurrent = false;
         trial->unknown[TOUCH + k].fixed = true;
         model.without = k, model.only = -1;
         const bool good = kn_lattice_fit(trial);
@@ -435,203 +423,8 @@ static double widened(const kn_fit *fit, const double *residual)
     return fit->scale * sqrt((1 + alike) / (1 - alike));
 }
 
-// ---- profile intervals
-
-enum { CORRECTIONS = 8, ENDS_TRIED = 10 };
-
-#define REACH 0.3  // within which the others stay, in their logarithms
-#define STRIDE 0.7 // largest step along a profile, in the logarithm of the unknown
-
-// Values on the way to one end of an interval, and the model linearised about them.
-typedef struct place {
-    kn_fit about;
-    double *at, *slope; // [readings], [unknowns][readings]
-} place;
-
-// One end of the profile interval of an unknown: the value at which the sum of squares has risen by t standard deviations,
-// while the others are fitted anew. The ends are found side by side, each in a thread.
-typedef struct profile {
-    search *s;
-    const kn_fit *best;
-    const double *at; // [readings] residuals at the best values
-    double scale, t;
-    int unknown, side;
-    place now, inner;              // where the search is; the outermost place whose sum has not risen enough
-    double along[KN_FIT_UNKNOWNS]; // how the others follow the unknown
-    kn_fit trial;                  // scratch, as is `residual`
-    double *residual;
-    double end; // result; open: the sum does not rise enough before the bound
-    bool open;
-    double least, lower[KN_FIT_UNKNOWNS]; // least sum of squares that was met, and the values there
-} profile;
-
-static void copy_place(const profile *p, place *to, const place *from)
-{
-    const size_t readings = (size_t)p->s->readings * sizeof(double);
-    to->about = from->about;
-    memcpy(to->at, from->at, readings);
-    memcpy(to->slope, from->slope, (size_t)p->best->unknowns * readings);
-}
-
-// Correct the slopes by what other values have changed (Broyden), and go there unless `stay`: the valley of a poorly
-// determined pair of numbers, such as alpha and beta, is long and bent.
-static void go_to(const profile *p, place *now, const double *value, const double *residual, bool stay)
-{
-    const int unknowns = p->best->unknowns, readings = p->s->readings;
-    double way[KN_FIT_UNKNOWNS], share[KN_FIT_UNKNOWNS], size = 1e-300;
-    for (int u = 0; u < unknowns; u++) {
-        kn_fit_unknown *is = &now->about.unknown[u];
-        way[u] = inwards(is, value[u]) - inwards(is, is->value);
-        share[u] = way[u] / pow(width(is), 2);
-        size += way[u] * share[u];
-        if (!stay) is->value = value[u];
-    }
-    for (int i = 0; i < readings; i++) {
-        double left = residual[i] - now->at[i];
-        for (int u = 0; u < unknowns; u++) left -= now->slope[u * readings + i] * way[u];
-        for (int u = 0; u < unknowns; u++) now->slope[u * readings + i] += left * share[u] / size;
-        if (!stay) now->at[i] = residual[i];
-    }
-}
-
-// Move the unknown to `to` and let the others follow, in up to CORRECTIONS presses. Along a flat valley the others stay
-// near where the last steps predict them. Return by how many standard deviations the sum of squares is then above
-// the least.
-static double risen(profile *p, double to)
-{
-    const kn_fit_unknown *u = p->now.about.unknown;
-    const int unknowns = p->best->unknowns, readings = p->s->readings;
-    double value[KN_FIT_UNKNOWNS], near[KN_FIT_UNKNOWNS], sum = INFINITY, reach = REACH / p->scale;
-    const double way = inwards(&u[p->unknown], to) - inwards(&u[p->unknown], u[p->unknown].value);
-    for (int k = 0; k < unknowns; k++) near[k] = inwards(&u[k], u[k].value) + fmin(fmax(p->along[k] * way, -1), 1);
-    for (int turn = 0; turn < CORRECTIONS; turn++) {
-        straight model = {p->s, u, p->now.at, p->now.slope, .without = -1, .only = -1, .near = near, .reach = reach};
-        begin_straight(&p->trial, &p->now.about, &model);
-        p->trial.readings = readings + unknowns;
-        p->trial.unknown[p->unknown].value = to;
-        p->trial.unknown[p->unknown].fixed = true;
-        if (!kn_fit_run(&p->trial)) break;
-        kn_fit_values(&p->trial, value);
-        if (!misfit(p->s, value, p->residual)) break;
-        const double now = squares(p->residual, readings);
-        if (!isfinite(now)) break;
-        if (now < p->least) p->least = now, memcpy(p->lower, value, sizeof value);
-        const double gain = sum - now;
-        go_to(p, &p->now, value, p->residual, turn > 0 && gain < 0);
-        if (gain < 0) reach /= 3;
-        else sum = now;
-        for (int k = 0; k < unknowns; k++) near[k] = inwards(&u[k], u[k].value);
-        if (fabs(gain) < 0.1 * p->t * p->t * p->scale * p->scale) break;
-    }
-    return sqrt(fmax(sum - p->best->sum, 0)) / p->scale;
-}
-
-// Compute the slopes at the inner place anew.
-static void refresh(profile *p)
-{
-    double value[KN_FIT_UNKNOWNS];
-    kn_fit_values(&p->inner.about, value);
-    for (int k = 0; k < p->best->unknowns; k++) {
-        const kn_fit_unknown *u = &p->inner.about.unknown[k];
-        const double old = value[k], step = 0.01 * width(u);
-        if (u->fixed) continue;
-        value[k] = u->linear ? old - step : old * exp(-step);
-        const bool good = value[k] >= u->low && misfit(p->s, value, p->residual);
-        value[k] = old;
-        for (int i = 0; i < p->s->readings && good; i++)
-            p->inner.slope[k * p->s->readings + i] = (p->inner.at[i] - p->residual[i]) / step;
-    }
-}
-
-// Find the end. Distances are in the variable of the search, from the best value outwards.
-static void *find_end(void *of)
-{
-    profile *p = of;
-    const kn_fit_unknown *u = &p->best->unknown[p->unknown];
-    const double here = inwards(u, u->value), bound = p->side ? u->high : u->low, sign = p->side ? 1 : -1;
-    const double farthest = fmin(sign * (inwards(u, bound) - here), u->linear ? INFINITY : log(FAR));
-    double inner = 0, inner_rise = 0, outer = INFINITY, outer_rise = 0;
-    const double *covariance = p->best->covariance[p->unknown], stride = u->linear ? INFINITY : STRIDE;
-    double next = fmin(fmin(p->t * p->scale * sqrt(covariance[p->unknown]), farthest), stride);
-    copy_place(p, &p->now, &p->inner);
-    for (int k = 0; k < p->best->unknowns; k++) {
-        p->along[k] = covariance[k] / covariance[p->unknown];
-        if (!isfinite(p->along[k])) p->along[k] = 0;
-    }
-    for (int i = 0; i < ENDS_TRIED && outer - inner > 0.1 * inner; i++) {
-        const double to = here + sign * next, rise = risen(p, u->linear ? to : exp(to));
-        if (rise < p->t) {
-            for (int k = 0; k < p->best->unknowns; k++) {
-                const kn_fit_unknown *from = &p->inner.about.unknown[k], *now = &p->now.about.unknown[k];
-                p->along[k] = (inwards(now, now->value) - inwards(from, from->value)) / (sign * (next - inner));
-            }
-            inner = next, inner_rise = rise;
-            if (next >= farthest) break;
-            copy_place(p, &p->inner, &p->now);
-            if (!isfinite(outer)) {
-                next = fmin(fmin(inner * fmin(fmax(1.1 * p->t / rise, 1.5), 2), inner + stride), farthest);
-                continue;
-            }
-        } else {
-            if (!isfinite(outer)) refresh(p);
-            outer = next, outer_rise = fmin(rise, 4 * p->t);
-            if (rise < 1.2 * p->t) break;
-            copy_place(p, &p->now, &p->inner);
-        }
-        next = inner + 0.5 * (outer - inner);
-    }
-    p->open = !isfinite(outer) && inner >= farthest;
-    double way = inner + (p->t - inner_rise) / (outer_rise - inner_rise) * (outer - inner);
-    if (!isfinite(outer)) way = fmin(inner * p->t / fmax(inner_rise, 0.5 * p->t), farthest);
-    p->end = p->open ? bound : u->linear ? here + sign * way : exp(here + sign * way);
-    return NULL;
-}
-
-static bool make_profile(profile *p)
-{
-    const size_t readings = (size_t)p->s->readings, unknowns = (size_t)p->best->unknowns;
-    p->residual = malloc((3 + 2 * unknowns) * readings * sizeof *p->residual);
-    if (!p->residual) return false;
-    p->now.at = p->residual + readings, p->inner.at = p->now.at + readings;
-    p->now.slope = p->inner.at + readings, p->inner.slope = p->now.slope + unknowns * readings;
-    p->inner.about = *p->best;
-    memcpy(p->inner.at, p->at, readings * sizeof *p->at);
-    memcpy(p->inner.slope, p->best->jacobian, unknowns * readings * sizeof *p->inner.slope);
-    return true;
-}
-
-// Find the profile intervals of the material and the frame. Return 1, or 0 if a better fit was met on the way, whose values
-// are then in best->unknown, or -1 if memory runs out.
-static int profiles(search *s, kn_fit *best, const double *at, double scale, kn_fit_interval interval[TOUCH])
-{
-    static profile all[2 * TOUCH];
-    pthread_t thread[2 * TOUCH];
-    bool made = true;
-    const profile *better = NULL;
-    const double t = kn_fit_student(0.95, best->freedom), less = best->sum - 0.1 * scale * scale;
-    for (int i = 0; i < 2 * TOUCH; i++) {
-        all[i] = (profile){.s = s, best, at, scale, t, .unknown = i / 2, .side = i % 2, .least = less};
-        all[i].end = best->unknown[i / 2].value;
-        made = made && (best->unknown[i / 2].fixed || make_profile(&all[i]));
-    }
-    for (int i = 0; i < 2 * TOUCH && made; i++)
-        if (all[i].residual && pthread_create(&thread[i], NULL, find_end, &all[i]) != 0)
-            find_end(&all[i]), thread[i] = pthread_self();
-    for (int i = 0; i < 2 * TOUCH; i++) {
-        if (made && all[i].residual && thread[i] != pthread_self()) pthread_join(thread[i], NULL);
-        free(all[i].residual);
-        kn_fit_interval *to = &interval[i / 2];
-        to->how = KN_FIT_PROFILE;
-        if (i % 2) to->high = all[i].end, to->open_high = all[i].open;
-        else to->low = all[i].end, to->open_low = all[i].open;
-        if (all[i].least < less && (!better || all[i].least < better->least)) better = &all[i];
-    }
-    for (int u = 0; u < best->unknowns && better; u++) best->unknown[u].value = better->lower[u];
-    return !made ? -1 : !better;
-}
-
-// Compute half of the 95 % band of each force of the presses first..end-1: what the covariance of the unknowns does to it,
-// and the scatter of the residuals. slope: [unknowns][readings] of these presses.
+// Compute half of the 95 % band of each force of the presses first..end-1: what the covariance of the unknowns does to
+// it, and the scatter of the residuals. slope: [unknowns][readings] of these presses.
 static void make_bands(search *s, const kn_fit *best, double scatter, const double *slope, int readings)
 {
     const double t = kn_fit_student(0.95, best->freedom);
@@ -702,8 +495,8 @@ static bool press_as_served(kn_press_fit *fit, const kn_fit *best)
     return true;
 }
 
-// Fit the unknowns in stages, those first that every press shows: all at once, the search may run away along one that it
-// hardly shows, such as k1 in a short press.
+// Fit the unknowns in stages, those first that every press shows: all at once, the search may run away along one that
+// it hardly shows, such as k1 in a short press.
 static bool search_in_stages(kn_fit *fit)
 {
     static const int first[] = {1 << KN_ESTIMATE_C1 | 1 << KN_ESTIMATE_ALPHA,
@@ -720,8 +513,8 @@ static bool search_in_stages(kn_fit *fit)
     return good && kn_fit_search(fit);
 }
 
-// Search from several starts and keep the best result: with more and with less thinning than the material of the start, and
-// with a softer spring, which a short press hardly shows.
+// Search from several starts and keep the best result: with more and with less thinning than the material of the start,
+// and with a softer spring, which a short press hardly shows.
 static bool search_from_starts(kn_fit *best)
 {
     static const double thinning[] = {1, 0.4, 2.5}, spring[] = {1, 0.1, 0.1};
@@ -768,8 +561,8 @@ static void join(kn_fit_interval *to, const kn_fit_interval *other, bool replace
     to->open_low |= other->open_low, to->open_high |= other->open_high;
 }
 
-// Widen the interval of an unknown to all that was tried and is not significantly worse: the searches from several starts
-// may end in different parts of a long valley.
+// Widen the interval of an unknown to all that was tried and is not significantly worse: the searches from several
+// starts may end in different parts of a long valley.
 static void widen(const search *s, const kn_fit *best, double scale, int unknown, kn_fit_interval *i)
 {
     const kn_fit_unknown *u = &best->unknown[unknown];
@@ -781,8 +574,8 @@ static void widen(const search *s, const kn_fit *best, double scale, int unknown
         i->low = fmin(i->low, s->trial[k][unknown]), i->high = fmax(i->high, s->trial[k][unknown]);
     }
     if (u->linear || u->fixed) return;
-    if (!i->open_low && i->low < u->value / FAR) i->open_low = true, i->low = u->low;
-    if (!i->open_high && i->high > u->value * FAR) i->open_high = true, i->high = u->high;
+    if (!i->open_low && i->low < u->value / KN_PROFILE_FAR) i->open_low = true, i->low = u->low;
+    if (!i->open_high && i->high > u->value * KN_PROFILE_FAR) i->open_high = true, i->high = u->high;
 }
 
 // Search, then find intervals and bands. `trial` and `residual` are scratch.
@@ -809,7 +602,7 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
         best->sum = squares(residual, s->readings); // the shift may have changed since the fit
         // a scale below 1 is chance, or the readings come from a lattice
         scale = fmax(fit->fitted > 1 ? best->scale : widened(best, residual), 1);
-        const int done = profiles(s, best, residual, scale, found);
+        const int done = kn_profile_run(best, residual, scale, TOUCH, found);
         if (done < 0) return false;
         for (int u = 0; u < TOUCH; u++) join(&interval[u], &found[u], turn == 0);
         if (done || !kn_lattice_fit(best)) break;

@@ -433,8 +433,8 @@ static void print_probe(const kn_model *model, int index)
         warn("%s is smaller than 1.5 spacings (%g mm): the hand feels single cells", p->name, 1.5e3 * h);
 }
 
-// Warn about coarse cells. Measured with a plate and a ball pressed in by 5 mm: the forces of blocks of three cells of 1 cm
-// are 8 to 50 % off those of cells of 2.5 mm, the forces of cells of 5 mm 3 to 10 %.
+// Warn about coarse cells. Measured with a plate and a ball pressed in by 5 mm: the forces of blocks of three cells of
+// 1 cm are 8 to 50 % off those of cells of 2.5 mm, the forces of cells of 5 mm 3 to 10 %.
 static void print_coarse(const kn_model_def *def)
 {
     const int cells = def->nodes[2] - 1;

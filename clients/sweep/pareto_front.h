@@ -27,8 +27,8 @@ typedef struct kn_pareto_row {
     const kn_sweep_run *run;
     double median_us, p90_us;
     kn_pareto_errors force, shape;
-    // factor: object.force_factor with which the forces of this lattice come nearest to the finest one; factor_left: the
-    // error that is left then. NAN for the finest lattice and for a mesh.
+    // factor: object.force_factor with which the forces of this lattice come nearest to the finest one; factor_left:
+    // the error that is left then. NAN for the finest lattice and for a mesh.
     double factor, factor_left;
     // Difference of the peak force from the reference, relative to the peak of the reference.
     double peak;
