@@ -517,7 +517,7 @@ static bool search_in_stages(kn_fit *fit)
 // and with a softer spring, which a short press hardly shows.
 static bool search_from_starts(kn_fit *best)
 {
-    static const double thinning[] = {1, 0.4, 2.5}, spring[] = {1, 0.1, 0.1};
+    static const double thinning[] = {1, 0.4, 2.5, 1}, spring[] = {1, 1, 1, 0.1};
     kn_fit_unknown from[KN_FIT_UNKNOWNS], found[KN_FIT_UNKNOWNS];
     double least = INFINITY;
     memcpy(from, best->unknown, sizeof from);
