@@ -46,7 +46,7 @@ static void series_of(const kn_scene *scene, const kn_model *model, char *series
     snprintf(series, size, "%s.%08" PRIx32, name, (uint32_t)(hash ^ hash >> 32));
 }
 
-// Put the scene's name and a placeholder for the hash in `series`, to find the scene's files with any hash.
+// Put the scene's name with a hash of 0 in `series`, to find the scene's files with any hash.
 static void any_series_of(const kn_scene *scene, char *series, size_t size)
 {
     char name[sizeof scene->name];

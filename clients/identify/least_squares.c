@@ -23,7 +23,7 @@ typedef struct search {
     double *residual, *jacobian, *spare;
 } search;
 
-static double inwards(const kn_fit_unknown *u) { return u->linear ? u->value : log(u->value); }
+static double inwards(const kn_fit_unknown *u) { return kn_fit_inwards(u, u->value); }
 static double lowest(const kn_fit_unknown *u) { return u->linear ? u->low : log(u->low); }
 static double highest(const kn_fit_unknown *u) { return u->linear ? u->high : log(u->high); }
 
@@ -53,13 +53,6 @@ static bool residuals_at(const search *s, const double *x, double *residual)
         residual[fit->readings + k] = wall * (x[k] - fmin(fmax(x[k], lowest(u)), highest(u)));
     }
     return true;
-}
-
-static double squares(const double *residual, int count)
-{
-    double sum = 0;
-    for (int i = 0; i < count; i++) sum += residual[i] * residual[i];
-    return sum;
 }
 
 // One column of the Jacobian.
@@ -190,7 +183,7 @@ static double descend_to(kn_fit *fit, double enough)
             u->at_bound = s.x[k] <= lowest(u) + 1e-6 || s.x[k] >= highest(u) - 1e-6;
             s.x[k] = inwards(u);
         }
-        sum = residuals_at(&s, s.x, s.residual) ? squares(s.residual, fit->readings) : INFINITY;
+        sum = residuals_at(&s, s.x, s.residual) ? kn_fit_squares(s.residual, fit->readings) : INFINITY;
     }
     free(s.residual);
     return sum;
@@ -240,7 +233,7 @@ static bool curve(kn_fit *fit)
     if (ok) make_columns(&s, s.x, s.residual, true, s.jacobian, s.rows, made);
     for (int k = 0; ok && k < s.count; k++) {
         const double *from = s.jacobian + rows * (size_t)k;
-        const bool moves = made[k] && squares(from, fit->readings) > 0;
+        const bool moves = made[k] && kn_fit_squares(from, fit->readings) > 0;
         if (moves && fit->jacobian)
             memcpy(fit->jacobian + (size_t)s.number[k] * (size_t)fit->readings, from,
                    (size_t)fit->readings * sizeof *from);
@@ -278,6 +271,15 @@ bool kn_fit_run(kn_fit *fit) { return finish(fit, descend(fit)); }
 
 bool kn_fit_search(kn_fit *fit) { return isfinite(fit->sum = descend_to(fit, 1e-2)); }
 
+double kn_fit_inwards(const kn_fit_unknown *u, double value) { return u->linear ? value : log(value); }
+
+double kn_fit_squares(const double *residual, int count)
+{
+    double sum = 0;
+    for (int i = 0; i < count; i++) sum += residual[i] * residual[i];
+    return sum;
+}
+
 void kn_fit_values(const kn_fit *fit, double value[KN_FIT_UNKNOWNS])
 {
     for (int i = 0; i < fit->unknowns; i++) value[i] = fit->unknown[i].value;
@@ -303,7 +305,7 @@ double kn_fit_sum(const kn_fit *fit, const double value[KN_FIT_UNKNOWNS])
 {
     double *residual = malloc((size_t)fit->readings * sizeof *residual);
     bool ok = residual && fit->misfit(fit->of, value, residual);
-    double sum = ok ? squares(residual, fit->readings) : (double)NAN;
+    double sum = ok ? kn_fit_squares(residual, fit->readings) : (double)NAN;
     free(residual);
     return sum;
 }

@@ -73,6 +73,10 @@ bool kn_fit_run_from(kn_fit *fit, int starts, const double (*start)[KN_FIT_UNKNO
 
 void kn_fit_values(const kn_fit *fit, double value[KN_FIT_UNKNOWNS]); // copy the values of all unknowns
 
+// Return the variable of the search that belongs to a value: its logarithm unless the unknown is linear.
+double kn_fit_inwards(const kn_fit_unknown *unknown, double value);
+double kn_fit_squares(const double *residual, int count); // return the sum of squares
+
 double kn_fit_sum(const kn_fit *fit,
                   // return the sum of squares S at `value`; NAN: the model has no solution
                   const double value[KN_FIT_UNKNOWNS]);

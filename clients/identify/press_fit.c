@@ -240,15 +240,6 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
     return !kn_interrupted;
 }
 
-static double squares(const double *residual, int readings)
-{
-    double sum = 0;
-    for (int i = 0; i < readings; i++) sum += residual[i] * residual[i];
-    return sum;
-}
-
-static double inwards(const kn_fit_unknown *u, double value) { return u->linear ? value : log(value); }
-
 // Compute the residuals of the fitted presses by the linearised model.
 static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], double *residual)
 {
@@ -259,7 +250,7 @@ static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], doubl
         const bool counts = k != l->without && (l->only < 0 || k == l->only);
         for (int n = 0; n < fit->press[k].curve->count; n++, i++) residual[i] = counts ? l->at[i] : 0;
         for (int j = 0; j < TOUCH + fit->presses && counts; j++) {
-            const double way = inwards(&u[j], value[j]) - inwards(&u[j], u[j].value);
+            const double way = kn_fit_inwards(&u[j], value[j]) - kn_fit_inwards(&u[j], u[j].value);
             for (int n = fit->press[k].curve->count; n > 0; n--)
                 residual[i - n] += l->slope[j * l->s->readings + i - n] * way;
         }
@@ -384,7 +375,7 @@ static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double
         const bool good = kn_lattice_fit(trial);
         for (int u = 0; u < unknowns; u++) {
             const kn_fit_unknown *is = &best->unknown[u];
-            moved[k][u] = good ? inwards(is, trial->unknown[u].value) - inwards(is, is->value) : 0;
+            moved[k][u] = good ? kn_fit_inwards(is, trial->unknown[u].value) - kn_fit_inwards(is, is->value) : 0;
             mean[u] += moved[k][u] / count;
             trial->unknown[u].fixed = u != TOUCH + k;
         }
@@ -599,7 +590,7 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
         kn_fit_interval found[TOUCH];
         kn_fit_values(best, value);
         if (!misfit(s, value, residual)) return false;
-        best->sum = squares(residual, s->readings); // the shift may have changed since the fit
+        best->sum = kn_fit_squares(residual, s->readings); // the shift may have changed since the fit
         // a scale below 1 is chance, or the readings come from a lattice
         scale = fmax(fit->fitted > 1 ? best->scale : widened(best, residual), 1);
         const int done = kn_profile_run(best, residual, scale, TOUCH, found);

@@ -16,14 +16,14 @@
 //
 //     residual i = (model - measured)/sigma,   sigma^2 = noise^2/weight + (0.5 % of the press's largest force)^2       (1)
 //
-// The search runs the lattice with steps of T/1500 (T: duration of a press), 1 to 8 ms. Its first start is the best of a grid
-// of scales of stress and time, the others thin more and less. The unknowns are freed in stages. Then the lattice is pressed
-// with the scene's own solver, as kneadd steps it, the residuals of the search are shifted by the difference, and the search
-// goes on. This is done up to twice, so the longer steps do not move the results.
+// The search runs the lattice with the scene's own solver. A press longer than 3 s is searched in longer steps, up to 8 ms;
+// the residuals are then shifted by the difference from the scene's own solver, and the search goes on, up to twice. The
+// first start is the best of a grid of scales of stress and time. Three others thin more, thin less, and have a softer
+// spring. The unknowns are freed in stages.
 //
-// One press: the intervals come from the curvature, widened if neighbouring residuals are alike. Two or more: they come from
-// the spread between the presses. The fit is repeated without each press in turn (by the linearised model, which costs
-// nothing), and the jackknife gives the covariance. These repeated fits also predict the press that was left out.
+// The intervals are profiles (profile_interval.h), wider if neighbouring residuals are alike. With two presses or more, they
+// also cover the spread between the presses. The fit is repeated without each press in turn (by the linearised model, which
+// costs nothing), and the jackknife gives the covariance. These repeated fits also predict the press that was left out.
 #include "clients/identify/served_lattice.h"
 #include "core/model.h"
 #include <stdint.h>

@@ -33,15 +33,6 @@ typedef struct profile {
     double least, lower[KN_FIT_UNKNOWNS]; // least sum of squares that was met, and the values there
 } profile;
 
-static double squares(const double *residual, int readings)
-{
-    double sum = 0;
-    for (int i = 0; i < readings; i++) sum += residual[i] * residual[i];
-    return sum;
-}
-
-static double inwards(const kn_fit_unknown *u, double value) { return u->linear ? value : log(value); }
-
 static double width(const kn_fit_unknown *u) { return u->linear ? u->high - u->low : 1; } // makes unknowns comparable
 
 // Compute the residuals of the linearised model, and after them the distances from `near`.
@@ -52,7 +43,7 @@ static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], doubl
     memcpy(residual, l->at, (size_t)readings * sizeof *residual);
     for (int k = 0; k < unknowns; k++) {
         const kn_fit_unknown *u = &l->about.unknown[k];
-        const double to = inwards(u, value[k]), way = to - inwards(u, u->value);
+        const double to = kn_fit_inwards(u, value[k]), way = to - kn_fit_inwards(u, u->value);
         for (int i = 0; i < readings; i++) residual[i] += l->slope[k * readings + i] * way;
         residual[readings + k] = (to - l->near[k]) / (l->reach * width(u));
     }
@@ -75,7 +66,7 @@ static void go_to(const profile *p, place *now, const double *value, const doubl
     double way[KN_FIT_UNKNOWNS], share[KN_FIT_UNKNOWNS], size = 1e-300;
     for (int u = 0; u < unknowns; u++) {
         kn_fit_unknown *is = &now->about.unknown[u];
-        way[u] = inwards(is, value[u]) - inwards(is, is->value);
+        way[u] = kn_fit_inwards(is, value[u]) - kn_fit_inwards(is, is->value);
         share[u] = way[u] / pow(width(is), 2);
         size += way[u] * share[u];
         if (!stay) is->value = value[u];
@@ -96,8 +87,9 @@ static double risen(profile *p, double to)
     const kn_fit_unknown *u = p->now.about.unknown;
     const int unknowns = p->best->unknowns, readings = p->best->readings;
     double value[KN_FIT_UNKNOWNS], *near = p->now.near, sum = INFINITY;
-    const double way = inwards(&u[p->unknown], to) - inwards(&u[p->unknown], u[p->unknown].value);
-    for (int k = 0; k < unknowns; k++) near[k] = inwards(&u[k], u[k].value) + fmin(fmax(p->along[k] * way, -1), 1);
+    const double way = kn_fit_inwards(&u[p->unknown], to) - kn_fit_inwards(&u[p->unknown], u[p->unknown].value);
+    for (int k = 0; k < unknowns; k++)
+        near[k] = kn_fit_inwards(&u[k], u[k].value) + fmin(fmax(p->along[k] * way, -1), 1);
     p->now.reach = REACH / p->scale;
     for (int turn = 0; turn < CORRECTIONS; turn++) {
         p->trial = p->now.about;
@@ -108,14 +100,14 @@ static double risen(profile *p, double to)
         if (!kn_fit_run(&p->trial)) break;
         kn_fit_values(&p->trial, value);
         if (!p->best->misfit(p->best->of, value, p->residual)) break;
-        const double now = squares(p->residual, readings);
+        const double now = kn_fit_squares(p->residual, readings);
         if (!isfinite(now)) break;
         if (now < p->least) p->least = now, memcpy(p->lower, value, sizeof value);
         const double gain = sum - now;
         go_to(p, &p->now, value, p->residual, turn > 0 && gain < 0);
         if (gain < 0) p->now.reach /= 3;
         else sum = now;
-        for (int k = 0; k < unknowns; k++) near[k] = inwards(&u[k], u[k].value);
+        for (int k = 0; k < unknowns; k++) near[k] = kn_fit_inwards(&u[k], u[k].value);
         if (fabs(gain) < 0.1 * p->t * p->t * p->scale * p->scale) break;
     }
     return sqrt(fmax(sum - p->best->sum, 0)) / p->scale;
@@ -143,8 +135,8 @@ static void *find_end(void *of)
 {
     profile *p = of;
     const kn_fit_unknown *u = &p->best->unknown[p->unknown];
-    const double here = inwards(u, u->value), bound = p->side ? u->high : u->low, sign = p->side ? 1 : -1;
-    const double farthest = fmin(sign * (inwards(u, bound) - here), u->linear ? INFINITY : log(KN_PROFILE_FAR));
+    const double here = kn_fit_inwards(u, u->value), bound = p->side ? u->high : u->low, sign = p->side ? 1 : -1;
+    const double farthest = fmin(sign * (kn_fit_inwards(u, bound) - here), u->linear ? INFINITY : log(KN_PROFILE_FAR));
     double inner = 0, inner_rise = 0, outer = INFINITY, outer_rise = 0;
     const double *covariance = p->best->covariance[p->unknown], stride = u->linear ? INFINITY : STRIDE;
     double next = fmin(fmin(p->t * p->scale * sqrt(covariance[p->unknown]), farthest), stride);
@@ -158,7 +150,8 @@ static void *find_end(void *of)
         if (rise < p->t) {
             for (int k = 0; k < p->best->unknowns; k++) {
                 const kn_fit_unknown *from = &p->inner.about.unknown[k], *now = &p->now.about.unknown[k];
-                p->along[k] = (inwards(now, now->value) - inwards(from, from->value)) / (sign * (next - inner));
+                p->along[k] =
+                    (kn_fit_inwards(now, now->value) - kn_fit_inwards(from, from->value)) / (sign * (next - inner));
             }
             inner = next, inner_rise = rise;
             if (next >= farthest) break;

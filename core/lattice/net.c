@@ -690,6 +690,8 @@ const char *kn_net_build(kn_model *m)
         wrong = fit(m, facets, count);
         if (!wrong && s->node_count > CREEP_NODES_MAX) wrong = fit_middle(m);
         m->kappa_m *= m->def.force_factor;
+        for (int k = 0; k < 3; k++) m->moduli.young[k] *= m->def.force_factor;
+        m->moduli.shear *= m->def.force_factor;
     }
     free(facets);
     return wrong;

@@ -20,9 +20,10 @@ reports "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" "$dough" --se
 slow= # a property of this build, not of a scene
 [ "${KN_BUILD##*/}" = release ] || slow="longer than 1 ms here"
 for scene in dough dough-diagonals dough-fine dough-small bun jelly clay liver pinch rolling-pin; do
+    coarse=$([ $scene = dough-small ] && echo "cells along z are few" || echo "no such warning")
     knead check "$KN_SOURCE/core/scenes/$scene.yaml" >out 2>err || fail "$scene: $(cat err)"
     grep -q "^scene *$scene.yaml, version 1" out && grep -q "^kernels" out || fail "$scene: $(cat out)"
-    grep "^warning" out | grep -v -e "multiply-add" -e "real time" -e "cells along z are few" ${slow:+-e "$slow"} && fail "$scene gives a warning"
+    grep "^warning" out | grep -v -e "multiply-add" -e "real time" ${slow:+-e "$slow"} | grep -v "$coarse" && fail "$scene gives a warning"
 done
 reports "^object .*11 x 11 x 7 = 847 nodes, 8706 edges" "$dough"
 reports "16 x 16 x 10 = 2560 nodes" "$dough" --set object.spacing='3.3333333333333333 mm'
