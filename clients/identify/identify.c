@@ -76,21 +76,22 @@ static const char *take_structure(void *structure, const char *text)
 // `belongs` lists the experiments that accept the option, by their first letters.
 static const kn_option rows[] = {
     KN_OPTION("load", QUANTITY, AT(curve.load_n), SI("N"), .expected = "a weight or force like 50gf or '0.5 N'",
-              .belongs = "c"),
-    KN_OPTION("stress", QUANTITY, AT(curve.stress_pa), SI("Pa"), .expected = "a stress like '5 kPa'", .belongs = "c"),
-    KN_OPTION("height", QUANTITY, AT(curve.height_m), SI("m"), .expected = "a length like '1 cm'", .belongs = "cr"),
-    KN_OPTION("area", QUANTITY, AT(curve.area_m2), SI("m^2"), .expected = "an area like '1 cm^2'", .belongs = "cr"),
+              .belongs = "cp"),
+    KN_OPTION("stress", QUANTITY, AT(curve.stress_pa), SI("Pa"), .expected = "a stress like '5 kPa'", .belongs = "cp"),
+    KN_OPTION("height", QUANTITY, AT(curve.height_m), SI("m"), .expected = "a length like '1 cm'", .belongs = "cpr"),
+    KN_OPTION("area", QUANTITY, AT(curve.area_m2), SI("m^2"), .expected = "an area like '1 cm^2'", .belongs = "cpr"),
     KN_OPTION("release", QUANTITY, AT(curve.release_s), SI("s"), .expected = "a time like 60 or '60 s'",
-              .belongs = "c"),
+              .belongs = "cp"),
     KN_OPTION("strain", SPECIAL, AT(curve.strain), .take = take_strain, .belongs = "r"),
     KN_OPTION("units", TEXT, AT(curve.units)),
-    KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cr"),
+    KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cpr"),
     KN_OPTION("late", FLAG, AT(late), .belongs = "c"),
     KN_OPTION("serve", SPECIAL, AT(serve), .take = take_structure, .belongs = "c"),
     KN_OPTION("spacing", QUANTITY, AT(spacing_m), SI("m"), .expected = "a length like '5 mm'", .belongs = "c"),
     KN_OPTION("anyway", FLAG, AT(anyway), .belongs = "cp"),
     KN_OPTION("object", TEXT, AT(object), .belongs = "p"),
     KN_OPTION("tool", TEXT, AT(tool), .belongs = "p"),
+    KN_OPTION("creep", LIST, AT(creep), .count = offsetof(kn_identify_options, creeps), .belongs = "p"),
     KN_OPTION("held", LIST, AT(held), .count = offsetof(kn_identify_options, helds), .belongs = "p"),
     KN_OPTION("compliance", QUANTITY, AT(compliance_m_n), .unit = "m/N", .most = 1,
               .expected = "a compliance like '0.01 mm/N'", .belongs = "p"),
@@ -117,13 +118,15 @@ static int parse_options(kn_identify_options *opt, const char *subcommand, char 
                                    .experiment = experiment, .quotes = true};
     *opt = (kn_identify_options){.subcommand = subcommand, .curve.subcommand = subcommand, .compliance_m_n = NAN};
     opt->file = calloc((size_t)argc, sizeof *opt->file);
+    opt->creep = calloc((size_t)argc, sizeof *opt->creep);
     opt->held = calloc((size_t)argc, sizeof *opt->held);
-    if (!opt->file || !opt->held) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
+    if (!opt->file || !opt->creep || !opt->held) return kn_complain(subcommand, KN_EXIT_DEVICE, "out of memory");
     const int code = kn_options_read(&table, opt, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     for (int i = optind; i < argc; i++) opt->file[opt->files++] = argv[i];
     if (opt->files == 0)
         return kn_complain(subcommand, KN_EXIT_USAGE, "expected a file of readings, CSV; --help lists its columns");
+    for (int i = 0; i < opt->creeps; i++) opt->file[opt->files++] = opt->creep[i];
     for (int i = 0; i < opt->helds; i++) opt->file[opt->files++] = opt->held[i];
     return keep_apart(opt);
 }
@@ -131,6 +134,7 @@ static int parse_options(kn_identify_options *opt, const char *subcommand, char 
 static void free_options(kn_identify_options *opt)
 {
     free(opt->file);
+    free(opt->creep);
     free(opt->held);
 }
 
@@ -239,8 +243,12 @@ static int identify(kn_identification *w, int argc, char **argv)
     if (code == KN_EXIT_OK && o->csv) code = kn_output_try(o->subcommand, o->csv);
     if (code == KN_EXIT_OK && o->out) code = kn_material_file_try(o->subcommand, o->out);
     if (code == KN_EXIT_OK) code = kn_document_open(&d, o->subcommand, o->report, e->title, argc, argv);
-    for (int i = 0; i < o->files && code == KN_EXIT_OK; i++)
-        code = kn_curve_load(w->curve, &w->curves, e->kind, o->file[i], &o->curve);
+    for (int i = 0, held = o->files - o->helds; i < o->files && code == KN_EXIT_OK; i++) {
+        const bool creep = i >= held - o->creeps && i < held;
+        kn_curve_options options = o->curve; // a press is of a specimen only if its own notes say so
+        if (e->kind == KN_CURVE_PRESS && !creep) options.height_m = options.area_m2 = 0;
+        code = kn_curve_load(w->curve, &w->curves, creep ? KN_CURVE_CREEP : e->kind, o->file[i], &options);
+    }
     // Fit, print, and write the files that the options request.
     if (code == KN_EXIT_OK) code = e->fit(w);
     if (code == KN_EXIT_OK) e->tell(w);

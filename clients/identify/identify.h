@@ -28,9 +28,10 @@ typedef struct kn_identify_options {
     double spacing_m; // creep: spacing of that lattice; 0: not given
     bool anyway;      // creep, press: write the scene of a lattice that does not follow the curves
     const char *tool, *object; // press: the tool and the scene of the object
-    const char **held;         // press: paths of presses that are only predicted; these files are also the last ones of
-    int helds;                 // file[]
-    double compliance_m_n;     // press: compliance of frame and gauge; NAN: not given
+    // press: paths of creep records, and of presses that are only predicted; file[] ends with the first and then the second
+    const char **creep, **held;
+    int creeps, helds;
+    double compliance_m_n; // press: compliance of frame and gauge; NAN: not given
     const char *out, *png, *csv, *report;
     bool no_models;      // option --no-models: do not compare the result with other material models
     bool late;           // creep: also fit the times at which the loads were applied and removed

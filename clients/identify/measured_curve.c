@@ -589,7 +589,7 @@ static int cut_air(kn_curve_file *f, kn_curve *c)
             "the way down is missing: the tool is at %.4g mm when the force begins and at %.4g mm at the "
             "largest force, expected a press from its begin",
             1e3 * c->other[first], 1e3 * c->other[peak]);
-    const double took_s = c->time_s[last] - c->time_s[first], most_s = 600;
+    const double took_s = c->time_s[last] - c->time_s[first], most_s = 1000;
     if (took_s > most_s)
         return kn_curve_refuse(f, c->line[last], -1,
                                "a press of %.4g s, expected at most %g s; is the unit of time right?", took_s, most_s);

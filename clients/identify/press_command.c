@@ -20,13 +20,17 @@ static const char help[] =
     "    knead identify press slow.csv --held fast.csv --object block.yaml --tool finger --png fit.png\n\n"
     "A file is a table of time, force and depth of one press, with a name and a unit above each column.\n"
     "It may include the withdrawal. The place of touch is fitted, so depth may count from anywhere.\n"
-    "The force is 0 without touch, and the tool presses in the middle of the object, straight down.\n\n"
+    "The force is 0 without touch, and the tool presses in the middle of the object, straight down.\n"
+    "If the file has the notes '# height: 1 cm' and '# area: 1 cm^2', not the object was pressed but a specimen of its\n"
+    "material between plates, as in a relaxation or a texture profile: a prism or cylinder on a table without friction.\n\n"
     "  --object SCENE         a scene with the pressed object: a block, its cells, structure and support\n"
     "  --tool TOOL            the tool: the name of one of the scene's probes, or a file (with a . or / in its name),\n"
     "                         whose first probe it is:\n"
     "                             probes:\n"
     "                               - {name: ball, shape: sphere, radius: 1 cm}\n"
     "                         a line '# tool: TOOL' in a file of readings names another tool for that press\n"
+    "  --creep FILE           creep of a specimen, fitted together with the presses; may be repeated. Notes of the file, or\n"
+    "                         --load, --height, --area, --release say what `knead identify creep --help` explains\n"
     "  --held FILE            a press that is not fitted but predicted, to see what the fit is worth; may be repeated\n"
     "  --compliance C         how far frame and gauge give way, e.g. '0.01 mm/N' or '0 mm/N' (default: fitted)\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,force=N,depth=mm\n"
@@ -97,6 +101,23 @@ static kn_scene *load_tool(const char *path, const kn_scene *object, char *error
     snprintf(error, error_size, "%s:1:1: has no probe, expected the tool under the key probes", path);
     kn_scene_destroy(scene);
     return NULL;
+}
+
+// Cut the specimen of a record. Its lattice has the structure of the object, and cells as near to the object's as fit.
+static int cut_specimen(kn_identification *w, const kn_model_def *object, int press)
+{
+    const kn_curve *c = &w->curve[press];
+    kn_press_record *p = &w->press.press[press];
+    if (c->kind == KN_CURVE_PRESS && !(c->height_m > 0 && c->area_m2 > 0)) return KN_EXIT_OK;
+    const bool gas = object->pressure != KN_PRESSURE_NONE, diagonals = object->structure == KN_STRUCTURE_DIAGONALS;
+    p->specimen.object = object;
+    p->specimen.structure =
+        (kn_affine_structure){diagonals ? object->diagonal_stiffness : 0, gas ? object->inside_pressure_pa : 0};
+    if (kn_served_lattice_cut(&p->specimen, c, object->spacing_m)) return KN_EXIT_OK;
+    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                       "%s: cells of %.3g mm as in %s do not fit the specimen, expected a spacing for 2 to %d cells "
+                       "along each side",
+                       c->file, 1e3 * object->spacing_m, w->opt.object, KN_SERVED_CELLS_MAX);
 }
 
 // Find the tool of one press: a probe of the object's scene, or the first probe of a file.
@@ -216,6 +237,7 @@ static int try_depth(const kn_identification *w, int press)
     const kn_curve *c = &w->curve[press];
     double extent_m[3], deepest = -INFINITY;
     kn_model_def_extent(&w->scene[0]->model, extent_m);
+    if (w->press.press[press].specimen.cells[0] > 0) extent_m[2] = c->height_m;
     for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
     const double depth_m = deepest - c->other[kn_curve_touch(c)], most_m = 0.8 * extent_m[2];
     if (depth_m <= most_m) return KN_EXIT_OK;
@@ -224,8 +246,32 @@ static int try_depth(const kn_identification *w, int press)
                        1e3 * depth_m, 1e3 * most_m);
 }
 
+// Only a plate presses a specimen as a whole.
+static int try_plate(const kn_identification *w, int press)
+{
+    const kn_press_record *p = &w->press.press[press];
+    if (p->specimen.cells[0] == 0 || p->tool->shape == KN_PROBE_PLATE) return KN_EXIT_OK;
+    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                       "%s: has the height and area of a specimen, but the tool '%s' is no plate; expected a plate, or "
+                       "no such notes",
+                       p->curve->file, p->tool->name);
+}
+
+static void hash_record(kn_press_fit *f, const kn_curve *c)
+{
+    const double *const each[] = {c->time_s, c->value, c->other}, size[] = {c->height_m, c->area_m2};
+    for (int i = 0; i < 3 && each[i]; i++)
+        f->inputs = kn_hash_bytes(f->inputs, each[i], (size_t)c->count * sizeof **each);
+    for (int i = 0; i < c->steps; i++) {
+        const double step[] = {c->step[i].time_s, c->step[i].stress_pa};
+        f->inputs = kn_hash_bytes(f->inputs, step, sizeof step);
+    }
+    f->inputs = kn_hash_bytes(f->inputs, size, sizeof size);
+}
+
 static int fit(kn_identification *w)
 {
+    static const kn_probe_def weight = {.name = "weight", .shape = KN_PROBE_PLATE};
     static char kept[PATH_MAX];
     static kn_model_def object;
     kn_press_fit *f = &w->press;
@@ -237,21 +283,24 @@ static int fit(kn_identification *w)
     if (object.material.damper != KN_DAMPER_EXPONENTIAL || !(object.material.k1_pa > 0))
         object.material = kn_model_def_default().material;
     if (w->opt.density_kg_m3 > 0) object.density_kg_m3 = w->opt.density_kg_m3;
-    f->presses = w->curves, f->fitted = w->opt.files - w->opt.helds;
+    f->presses = w->curves, f->fitted = w->curves - w->opt.helds; // a file of creep may have several curves
     f->inputs = kn_hash_bytes(KN_HASH_SEED, w->scene[0]->text, strlen(w->scene[0]->text));
     for (int k = 0; k < w->curves && code == KN_EXIT_OK; k++) {
         const kn_curve *c = &w->curve[k];
         const char *name = *c->tool ? c->tool : w->opt.tool;
         f->press[k].curve = c;
+        code = cut_specimen(w, &object, k);
+        hash_record(f, c);
+        if (c->kind == KN_CURVE_CREEP) f->press[k].tool = &weight;
+        if (code != KN_EXIT_OK || c->kind == KN_CURVE_CREEP) continue;
         if (!name)
             return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                                "%s: the tool is not known, expected --tool, or a line '# tool: NAME' in the file",
                                c->file);
         code = find_tool(w, k, name);
-        const double *const each[] = {c->time_s, c->value, c->other};
-        for (int i = 0; i < 3; i++) f->inputs = kn_hash_bytes(f->inputs, each[i], (size_t)c->count * sizeof **each);
         const char *from = w->scene[1 + k] ? w->scene[1 + k]->text : name;
         f->inputs = kn_hash_bytes(f->inputs, from, strlen(from));
+        if (code == KN_EXIT_OK) code = try_plate(w, k);
         if (code == KN_EXIT_OK) code = try_depth(w, k);
     }
     if (code != KN_EXIT_OK) return code;
@@ -297,9 +346,9 @@ static void doubt(kn_identification *w)
             kn_identify_note(w, "%s: the law does not predict this press: %.0f %% of its largest force are left",
                              p->curve->name, 100 * p->left);
     }
-    if (f->fitted == 1)
-        kn_identify_note(
-            w, "one press: the intervals cover noise only, not the differences between objects; press another");
+    if (f->replicates == 1)
+        kn_identify_note(w, "one press of the object: the intervals cover noise only, not the differences between "
+                            "objects; press another");
 }
 
 // Describe how well presses are predicted that are not in the fit.
@@ -311,18 +360,18 @@ static void predicted(const kn_press_fit *f, char *text, size_t size)
         used += snprintf(text + used, size - (size_t)used, "%s %s %.2g",
                          k > f->fitted ? "," : "Predicted, not fitted, left %:", f->press[k].curve->name,
                          100 * f->press[k].left);
-    for (int k = 0; k < f->fitted && f->fitted > 1 && used < (int)size - 120; k++)
-        used += snprintf(text + used, size - (size_t)used, "%s %.2g",
-                         k                        ? ","
-                         : f->presses > f->fitted ? ". Left out in turn, left %:"
-                                                  : "Left out in turn and predicted, left %:",
-                         100 * f->press[k].lone);
+    const char *before = used > 0 ? ". Left out in turn, left %:" : "Left out in turn and predicted, left %:";
+    for (int k = 0; k < f->fitted && used < (int)size - 120; k++) {
+        if (isnan(f->press[k].lone)) continue;
+        used += snprintf(text + used, size - (size_t)used, "%s %.2g", before, 100 * f->press[k].lone);
+        before = ",";
+    }
     if (used == 0) used = snprintf(text, size, "No other press was predicted");
     bool one = true; // all tools have one shape
     for (int k = 1; k < f->presses; k++) one &= f->press[k].tool->shape == f->press[0].tool->shape;
     if (one)
         snprintf(text + used, size - (size_t)used,
-                 ". All tools had one shape: the force on another shape may be 25 %% off");
+                 ". All tools had one shape: the force on another shape may be 15 %% off");
 }
 
 // Return the mean half width of the 95 % band of a press, as a share of its largest force.
@@ -345,10 +394,15 @@ static void tell(kn_identification *w)
         const kn_press_record *p = &f->press[k];
         char lone[20] = "-";
         if (k < f->fitted && !isnan(p->lone)) snprintf(lone, sizeof lone, "%.2g", 100 * p->lone);
+        const bool creep = p->curve->kind == KN_CURVE_CREEP;
         printf("%-20s %12.4g %12.2g %12.2g %16s%s\n", p->curve->name, 1e3 * p->touch_m, 100 * p->left, 100 * band_of(p),
-               lone, k < f->fitted ? "" : "   predicted, not fitted");
+               lone,
+               creep           ? "   creep"
+               : k < f->fitted ? ""
+                               : "   predicted, not fitted");
         json_t *row = kn_result_add("presses");
         kn_result_text(row, "name", p->curve->name);
+        kn_result_text(row, "kind", creep ? "creep" : "press");
         kn_result_text(row, "tool", p->tool->name);
         kn_result_number(row, "touch_m", p->touch_m);
         kn_result_number(row, "left", p->left);
@@ -357,10 +411,11 @@ static void tell(kn_identification *w)
         kn_result_number(row, "pull_left_out_n_s", p->pull_n_s);
         kn_result_text(row, "role", k < f->fitted ? "fitted" : "predicted");
     }
-    printf("left: rms difference of the forces, %% of the largest, as kneadd steps the lattice.\n"
-           "band: half of the 95 %% band, on average: of noise and of uncertain numbers; what the law cannot do is not "
-           "in it.\n"
-           "left out: the same as left, for a fit without this press\n");
+    printf(
+        "left: rms difference of the forces (creep: of the strains), %% of the largest, as kneadd steps the lattice.\n"
+        "band: half of the 95 %% band, on average: of noise and of uncertain numbers; what the law cannot do is not "
+        "in it.\n"
+        "left out: the same as left, for a fit without this press\n");
     predicted(f, text, sizeof text);
     printf("%s\nthe lattice was pressed %d times\n\n", text, f->runs);
     doubt(w);
@@ -375,8 +430,12 @@ static bool csv_rows(const kn_identification *w, FILE *out)
         const kn_curve *c = p->curve;
         for (int i = 0; i < c->count; i++) {
             kn_table_text(c->name, out);
-            fprintf(out, ",%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], c->other[i], c->value[i], p->model_n[i],
-                    p->band_n[i], c->weight[i]);
+            if (c->kind == KN_CURVE_CREEP)
+                fprintf(out, ",%.9g,,,,,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], c->weight[i], c->value[i], p->model_n[i],
+                        p->band_n[i]);
+            else
+                fprintf(out, ",%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,,,\n", c->time_s[i], c->other[i], c->value[i],
+                        p->model_n[i], p->band_n[i], c->weight[i]);
         }
     }
     return true;
@@ -384,7 +443,7 @@ static bool csv_rows(const kn_identification *w, FILE *out)
 
 static int draw(kn_identification *w, const char *path)
 {
-    static kn_figure_panel p[2];
+    static kn_figure_panel p[3];
     const kn_press_fit *f = &w->press;
     int all = 0;
     for (int k = 0; k < f->presses; k++) all += f->press[k].curve->count;
@@ -392,24 +451,27 @@ static int draw(kn_identification *w, const char *path)
     if (!edge) return kn_complain(w->opt.subcommand, KN_EXIT_DEVICE, "out of memory");
     p[0] = (kn_figure_panel){.title = "force over time, with 95 % band", .x_label = "time, s", .y_label = "force, N"};
     p[1] = (kn_figure_panel){.title = "force over depth", .x_label = "depth reading, mm", .y_label = "force, N"};
+    p[2] = (kn_figure_panel){.title = "creep, with 95 % band", .x_label = "time, s", .y_label = "strain"};
     for (int k = 0; k < f->presses && 4 * k + 4 <= KN_FIGURE_SERIES; k++) {
         const kn_press_record *r = &f->press[k];
         const kn_curve *c = r->curve;
         const kn_figure_look look = k < f->fitted ? KN_FIGURE_LINE : KN_FIGURE_DASHES;
         for (int i = 0; i < c->count; i++)
             at[i] = r->model_n[i] - r->band_n[i], at[c->count + i] = r->model_n[i] + r->band_n[i];
-        for (int q = 0; q < 2; q++) {
-            const double *x = q ? c->other : c->time_s, scale = q ? 1e3 : 1;
+        const int begin = c->kind == KN_CURVE_CREEP ? 2 : 0, end = begin + (begin ? 1 : 2);
+        for (int q = begin; q < end; q++) {
+            const double *x = q == 1 ? c->other : c->time_s, scale = q == 1 ? 1e3 : 1;
             kn_figure_add(&p[q], (kn_figure_series){c->name, c->count, x, c->value, scale, 1, KN_FIGURE_POINTS, k + 1});
             kn_figure_add(&p[q], (kn_figure_series){k < f->fitted ? "fitted" : "predicted", c->count, x, r->model_n,
                                                     scale, 1, look, k ? k + 1 : 0});
         }
         for (int q = 0; q < 2; q++)
-            kn_figure_add(
-                &p[0], (kn_figure_series){NULL, c->count, c->time_s, at + q * c->count, 1, 1, KN_FIGURE_DASHES, k + 1});
+            kn_figure_add(&p[begin], (kn_figure_series){NULL, c->count, c->time_s, at + q * c->count, 1, 1,
+                                                        KN_FIGURE_DASHES, k + 1});
         at += 2 * c->count;
     }
-    const int code = kn_figure_draw(w->opt.subcommand, path, "presses, and the lattice", p, 2, 2);
+    const int panels = w->opt.creeps > 0 ? 3 : 2;
+    const int code = kn_figure_draw(w->opt.subcommand, path, "presses, and the lattice", p, panels, 2);
     free(edge);
     return code;
 }
@@ -429,14 +491,15 @@ static int write_scene(const kn_identification *w, const char *path)
     predicted(f, told, sizeof told);
     int used =
         snprintf(label, sizeof label,
-                 "label: >-\n  fitted to presses with %s, %s: cells of %.3g mm. Left on the forces, rms, in %% of the "
+                 "label: >-\n  fitted to presses with %s, %s: cells of %.3g mm. Left on the %s, rms, in %% of the "
                  "largest:",
-                 f->press[0].tool->name, source, 1e3 * f->object->spacing_m);
+                 f->press[0].tool->name, source, 1e3 * f->object->spacing_m,
+                 w->opt.creeps > 0 ? "forces, and on the strains of creep" : "forces");
     for (int k = 0; k < f->fitted && k < 12; k++)
         used += snprintf(label + used, sizeof label - (size_t)used, "%s %.2g", k ? "," : "", 100 * f->press[k].left);
     snprintf(label + used, sizeof label - (size_t)used, "%s. %s.\n",
              !(worst_left(f) <= KN_IDENTIFY_FOLLOWS) ? ": too much" : "", told);
-    snprintf(origin, sizeof origin, "press from %s: %d press%s.", source, f->fitted, f->fitted > 1 ? "es" : "");
+    snprintf(origin, sizeof origin, "press from %s: %d record%s.", source, f->fitted, f->fitted > 1 ? "s" : "");
     char *text = scene_text(w, label, error, sizeof error);
     if (!text) return kn_complain(w->opt.subcommand, KN_EXIT_INTERNAL, "%s: %s", path, error);
     const int code = kn_material_file_write(w->opt.subcommand, path, origin, text, &f->material,
@@ -482,7 +545,9 @@ const kn_identify_experiment kn_identify_press = {.subcommand = "identify press"
                                                   .kind = KN_CURVE_PRESS,
                                                   .fit = fit,
                                                   .tell = tell,
-                                                  .csv_head = "press,time_s,depth_m,force_n,fit_n,band_n,readings",
+                                                  .csv_head =
+                                                      "press,time_s,depth_m,force_n,fit_n,band_n,readings,strain,"
+                                                      "fit_strain,band_strain",
                                                   .csv_rows = csv_rows,
                                                   .draw = draw,
                                                   .report = report,

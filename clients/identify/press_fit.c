@@ -65,42 +65,76 @@ static double touch_s(const path *p)
     return c->time_s[c->count - 1];
 }
 
+// Return the time step of a press.
+static double step_s(const kn_press_fit *fit, const kn_curve *c, bool search)
+{
+    const double longer_s = fmin((c->time_s[c->count - 1] - c->time_s[0]) / STEPS, LONGEST);
+    return search ? fmax(longer_s, fit->object->solver.dt_s) : fit->object->solver.dt_s;
+}
+
 // Make the model of a press. Its tool follows the stage, whatever coupling a hand would have: rigidly, or by a spring
 // of the frame's compliance.
 static kn_model *make_model(const kn_press_fit *fit, const kn_press_record *p, const kn_material *material,
-                            double compliance_m_n, bool search)
+                            double compliance_m_n, double dt_s)
 {
     char error[256];
     kn_model_def def = *fit->object;
-    const kn_curve *c = p->curve;
     def.material = *material;
     def.probe_count = 1;
     def.probe[0] = *p->tool;
     def.probe[0].coupling_n_m = def.probe[0].coupling_n_s_m = 0;
+    if (p->specimen.cells[0] > 0) kn_served_lattice_shape(&p->specimen, &def);
     if (p->tool->shape != KN_PROBE_PLATE && compliance_m_n > 1e-9) def.probe[0].coupling_n_m = 1 / compliance_m_n;
-    const double longer_s = fmin((c->time_s[c->count - 1] - c->time_s[0]) / STEPS, LONGEST);
-    if (search && longer_s > def.solver.dt_s) {
-        def.solver.dt_s = longer_s;
-        def.solver.iterations_max = 100; // longer steps need more iterations
-    }
+    if (dt_s > def.solver.dt_s) def.solver.iterations_max = 100; // longer steps need more iterations
+    def.solver.dt_s = dt_s;
     return kn_model_build(&def, error, sizeof error);
 }
 
-// Compute the force of the lattice at the readings of a press. The ticks begin at the touch, and the tool goes in a
-// straight line from reading to reading. Return false if the lattice cannot follow.
-static bool press(const kn_model *m, const kn_press_record *p, double touch, double compliance, double *force_n)
+typedef struct body { // what a tool presses: a lattice, or a block that stands for a specimen
+    const kn_press_record *press;
+    kn_model *model; // NULL: the block
+    kn_state *state;
+    kn_affine_block block;
+} body;
+
+// Move the tool from one depth to another in a step, and compute its force.
+static bool move(body *b, double from_m, double to_m, double dt_s, double *force_n)
 {
-    const kn_curve *c = p->curve;
-    const path way = {c, touch, p->tool->shape == KN_PROBE_PLATE ? compliance : 0, first_speed(c)};
-    const double dt = m->def.solver.dt_s, begin = touch_s(&way);
-    double extent_m[3], before = 0, force = 0, low_s = begin, low_m = 0;
-    int next = 0; // first reading whose force is not yet known
-    kn_model_def_extent(&m->def, extent_m);
-    const double rest_z_m = extent_m[2] + kn_tool_height_m(p->tool);
-    kn_state *state = kn_state_create(m);
-    kn_input in = {.probe[0].attached = true};
+    const kn_curve *c = b->press->curve;
+    if (!b->model) {
+        const double height = 1 - to_m / c->height_m;
+        const kn_affine_block before = b->block;
+        bool good = kn_affine_block_press(&b->block, dt_s, height);
+        if (height > before.height && !(good && b->block.stress_pa > 0)) { // the plate leaves the specimen
+            b->block = before;
+            good = kn_affine_block_load(&b->block, dt_s, 0);
+        }
+        *force_n = b->block.stress_pa * c->area_m2;
+        return good;
+    }
+    double extent_m[3];
     kn_output out;
-    bool good = state;
+    kn_model_def_extent(&b->model->def, extent_m);
+    kn_input in = {.probe[0].attached = true};
+    in.probe[0].position_m[2] = extent_m[2] + kn_tool_height_m(b->press->tool) - from_m;
+    in.probe[0].velocity_m_s[2] = (from_m - to_m) / dt_s;
+    const bool good = kn_step(b->model, b->state, &in, &out) == KN_OK;
+    // whole cells seldom have the area of the specimen
+    const double area = b->press->specimen.cells[0] > 0 ? c->area_m2 / (extent_m[0] * extent_m[1]) : 1;
+    *force_n = area * out.probe[0].force_n[2];
+    return good;
+}
+
+// Compute the force of a body at the readings of its press. The ticks begin at the touch, and the tool goes in a straight
+// line from reading to reading. Return false if the body cannot follow.
+static bool press(body *b, double touch, double compliance, double dt, double *force_n)
+{
+    const kn_curve *c = b->press->curve;
+    const path way = {c, touch, b->press->tool->shape == KN_PROBE_PLATE ? compliance : 0, first_speed(c)};
+    const double begin = touch_s(&way);
+    double before = 0, force = 0, low_s = begin, low_m = 0;
+    int next = 0; // first reading whose force is not yet known
+    bool good = true;
     while (next < c->count && c->time_s[next] <= begin) force_n[next++] = 0;
     // ahead: first reading that the tool has not passed
     for (int tick = 1, ahead = next; good && next < c->count; tick++) {
@@ -109,15 +143,11 @@ static bool press(const kn_model *m, const kn_press_record *p, double touch, dou
             low_s = c->time_s[ahead], low_m = depth_at(&way, ahead);
         double depth = low_m;
         if (ahead < c->count) depth += (depth_at(&way, ahead) - low_m) * (end_s - low_s) / (c->time_s[ahead] - low_s);
-        in.probe[0].position_m[2] = rest_z_m - before;
-        in.probe[0].velocity_m_s[2] = (before - depth) / dt;
-        good = kn_step(m, state, &in, &out) == KN_OK;
-        force = out.probe[0].force_n[2];
+        good = move(b, before, depth, dt, &force);
         before = depth;
         for (; next < c->count && c->time_s[next] <= end_s; next++)
             force_n[next] = force - (force - last) * (end_s - c->time_s[next]) / dt;
     }
-    kn_state_destroy(state);
     return good;
 }
 
@@ -134,9 +164,22 @@ typedef struct job {
 static void *work(void *of)
 {
     job *j = of;
-    kn_model *m = make_model(j->fit, j->press, j->material, j->compliance_m_n, j->search);
-    j->good = m && press(m, j->press, j->touch_m, j->compliance_m_n, j->force_n);
-    kn_model_destroy(m);
+    const kn_served_lattice *specimen = &j->press->specimen;
+    const kn_curve *c = j->press->curve;
+    const bool block = j->search && specimen->cells[0] > 0;
+    if (c->kind == KN_CURVE_CREEP) {
+        j->good = block ? kn_affine_block_creep(&specimen->structure, j->material, c, c->count, c->time_s, j->force_n)
+                        : kn_served_lattice_creep(specimen, j->material, c, j->force_n);
+        return NULL;
+    }
+    const double dt_s = step_s(j->fit, c, j->search);
+    body b = {.press = j->press};
+    if (block) kn_affine_block_init(&b.block, j->material, &specimen->structure);
+    else b.model = make_model(j->fit, j->press, j->material, j->compliance_m_n, dt_s);
+    b.state = b.model ? kn_state_create(b.model) : NULL;
+    j->good = (block || b.state) && press(&b, j->touch_m, j->compliance_m_n, dt_s, j->force_n);
+    kn_state_destroy(b.state);
+    kn_model_destroy(b.model);
     return NULL;
 }
 
@@ -161,7 +204,7 @@ typedef struct search {
     int first, end; // presses that are compared: first..end-1
     bool keeps;     // the stages are over: keep the best values for an interrupted fit
     bool served;    // use the scene's own solver, not the longer steps of the search
-    double *shift;  // [readings] residuals with the scene's own solver minus those of the search, in the last round
+    double *shift;  // of the readings of these presses: residuals with the scene's own solver minus those of the search
     int readings;   // of the fitted presses
     double least, kept_s; // least sum of squares so far; time when the file to resume was last written
     kn_progress bar;
@@ -224,7 +267,7 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
         const kn_press_record *p = &fit->press[k];
         for (int i = 0; i < p->curve->count; i++, residual++) {
             *residual = (*residual - p->curve->value[i]) / p->sigma_n[i];
-            if (s->first == 0 && !s->served) *residual += *shift++;
+            if (!s->served) *residual += *shift++;
             sum += *residual * *residual;
         }
     }
@@ -278,16 +321,18 @@ static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
     p->sigma_n = calloc(3 * (size_t)c->count, sizeof *p->sigma_n);
     if (!p->sigma_n) return false;
     p->model_n = p->sigma_n + c->count, p->band_n = p->model_n + c->count;
+    *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .high = 1, .fixed = true};
     for (int i = 0; i < c->count; i++) {
         p->sigma_n[i] = hypot(c->noise / sqrt(c->weight[i]), 5e-3 * most);
-        if (i <= peak || p->tool->adhesion_pa > 0 || c->value[i] > -3 * c->noise) continue;
+        if (c->kind == KN_CURVE_CREEP || i <= peak || p->tool->adhesion_pa > 0 || c->value[i] > -3 * c->noise) continue;
         p->sigma_n[i] = INFINITY;
         p->pull_n_s -= c->value[i] * (c->time_s[i] - c->time_s[i - 1]);
     }
+    if (c->kind == KN_CURVE_CREEP) return true; // its plate lies on the specimen
     const int first = kn_curve_touch(c);
     const double range = c->other[peak] - c->other[first];
-    *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .low = c->other[first] - 0.3 * range};
-    touch->high = c->other[first] + 0.3 * range;
+    touch->fixed = false;
+    touch->low = c->other[first] - 0.3 * range, touch->high = c->other[first] + 0.3 * range;
     touch->value = first > 0 ? c->other[first] : c->other[first] - 0.01 * range;
     // If a plate meets a large force at once, it touches between two readings.
     if (first > 0 && p->tool->shape == KN_PROBE_PLATE && c->value[first] > 0.1 * most) {
@@ -327,7 +372,8 @@ static bool sums_at(search *s, const kn_fit *fit, const kn_material *m, double s
         const kn_press_record *p = &s->fit->press[k];
         for (int i = 0; i < p->curve->count; i++, residual++) {
             const double measured = p->curve->value[i] / p->sigma_n[i], model = measured + *residual;
-            sum[0] += *residual * *residual, sum[1] += model * model, sum[2] += model * measured;
+            sum[0] += *residual * *residual;
+            if (p->curve->kind == KN_CURVE_PRESS) sum[1] += model * model, sum[2] += model * measured;
         }
     }
     return isfinite(sum[0]);
@@ -356,17 +402,19 @@ static bool find_start(search *s, const kn_fit *fit, kn_material *m)
 
 // ---- intervals and bands
 
-// Fit the linearised model without each press in turn. Set the covariance to that of the jackknife, if it is larger,
+// Fit the linearised model without each replicate in turn. Set the covariance to that of the jackknife, if it is larger,
 // and compute how well the press that was left out is predicted once its place of touch is fitted.
 static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double *at, double *residual)
 {
     straight model = {s, best->unknown, at, best->jacobian, .without = -1, .only = -1};
     static double moved[KN_CURVES_MAX][KN_FIT_UNKNOWNS], mean[KN_FIT_UNKNOWNS];
-    const int count = s->fit->fitted, unknowns = best->unknowns;
+    const int count = s->fit->replicates, unknowns = best->unknowns;
     double value[KN_FIT_UNKNOWNS];
     memset(mean, 0, sizeof mean);
-    for (int k = 0, from = 0; k < count; from += s->fit->press[k++].curve->count) {
+    memset(moved, 0, sizeof moved);
+    for (int k = 0, from = 0; k < s->fit->fitted; from += s->fit->press[k++].curve->count) {
         kn_press_record *p = &s->fit->press[k];
+        if (p->specimen.cells[0] > 0) continue;
         *trial = *best;
         trial->misfit = misfit_straight, trial->of = &model;
         trial->jacobian = NULL, trial->coarse = trial->concurrent = false;
@@ -393,8 +441,9 @@ static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double
         for (int b = 0; b < unknowns; b++) {
             double spread = 0, *to = &best->covariance[a][b];
             const double noise = *to * best->scale * best->scale;
-            for (int k = 0; k < count; k++)
-                spread += (count - 1.0) / count * (moved[k][a] - mean[a]) * (moved[k][b] - mean[b]);
+            for (int k = 0; k < s->fit->fitted; k++)
+                if (s->fit->press[k].specimen.cells[0] == 0)
+                    spread += (count - 1.0) / count * (moved[k][a] - mean[a]) * (moved[k][b] - mean[b]);
             *to = a == b && !(spread > noise) ? noise
                                               : spread; // presses that happen to agree tell no more than their noise
         }
@@ -434,20 +483,41 @@ static void make_bands(search *s, const kn_fit *best, double scatter, const doub
     }
 }
 
+// Press the lattices of the presses first..end-1 with the scene's own solver at these values, and shift the residuals of
+// the search to these.
+static bool shift_to_served(search *s, const double value[KN_FIT_UNKNOWNS], double *residual)
+{
+    int readings = 0;
+    for (int k = s->first; k < s->end; k++) readings += s->fit->press[k].curve->count;
+    memset(s->shift, 0, (size_t)readings * sizeof *s->shift);
+    bool good = misfit(s, value, residual);
+    s->served = true;
+    good = good && misfit(s, value, s->shift);
+    s->served = false;
+    double most = 0;
+    for (int i = 0; i < readings; i++) {
+        s->shift[i] -= residual[i];
+        most = fmax(most, fabs(s->shift[i]));
+    }
+    if (most > 0) s->least = INFINITY, s->tried = 0; // sums from before are no longer comparable
+    return good;
+}
+
 // Predict one press that is held out: fit its place of touch, and compute its band.
 static bool predict(search *s, kn_fit *best, kn_fit *trial, double scatter, int press)
 {
     const int readings = s->fit->press[press].curve->count, touch = TOUCH + press;
-    double *slope = calloc((size_t)(best->unknowns + 1) * (size_t)readings, sizeof *slope);
+    double *slope = calloc((size_t)(best->unknowns + 2) * (size_t)readings, sizeof *slope);
     if (!slope) return false;
     s->first = press, s->end = press + 1;
     *trial = *best;
     trial->readings = readings, trial->jacobian = NULL;
     for (int u = 0; u < best->unknowns; u++) trial->unknown[u].fixed = u != touch;
-    bool good = kn_fit_run(trial);
-    best->unknown[touch].value = trial->unknown[touch].value;
     double value[KN_FIT_UNKNOWNS], *here = slope + best->unknowns * readings;
+    s->shift = here + readings;
     kn_fit_values(best, value);
+    bool good = shift_to_served(s, value, here) && kn_fit_run(trial);
+    value[touch] = best->unknown[touch].value = trial->unknown[touch].value;
     good = good && misfit(s, value, here);
     for (int u = 0; u < TOUCH && good; u++) {
         const kn_fit_unknown *is = &best->unknown[u];
@@ -526,25 +596,6 @@ static bool search_from_starts(kn_fit *best)
     return isfinite(least);
 }
 
-// Press the lattice with the scene's own solver at the present values, and shift the residuals of the search to these.
-static bool shift_to_served(search *s, const kn_fit *fit, double *residual)
-{
-    double value[KN_FIT_UNKNOWNS];
-    kn_fit_values(fit, value);
-    memset(s->shift, 0, (size_t)s->readings * sizeof *s->shift);
-    bool good = misfit(s, value, residual);
-    s->served = true;
-    good = good && misfit(s, value, s->shift);
-    s->served = false;
-    double most = 0;
-    for (int i = 0; i < s->readings; i++) {
-        s->shift[i] -= residual[i];
-        most = fmax(most, fabs(s->shift[i]));
-    }
-    if (most > 0) s->least = INFINITY, s->tried = 0; // sums from before are no longer comparable
-    return good;
-}
-
 static void join(kn_fit_interval *to, const kn_fit_interval *other, bool replace)
 {
     if (replace) *to = *other;
@@ -577,7 +628,8 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
     if (!(fit->resumed || search_from_starts(best))) return false;
     s->keeps = true;
     for (int round = 0; round < 2; round++) {
-        if (!shift_to_served(s, best, residual)) return false;
+        kn_fit_values(best, value);
+        if (!shift_to_served(s, value, residual)) return false;
         double sum = 0;
         for (int i = 0; i < s->readings; i++) sum += pow(residual[i] + s->shift[i], 2);
         if (round > 0 && fabs(sum / best->sum - 1) < 1e-3) break;
@@ -592,7 +644,7 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
         if (!misfit(s, value, residual)) return false;
         best->sum = kn_fit_squares(residual, s->readings); // the shift may have changed since the fit
         // a scale below 1 is chance, or the readings come from a lattice
-        scale = fmax(fit->fitted > 1 ? best->scale : widened(best, residual), 1);
+        scale = fmax(fit->replicates > 1 ? best->scale : widened(best, residual), 1);
         const int done = kn_profile_run(best, residual, scale, TOUCH, found);
         if (done < 0) return false;
         for (int u = 0; u < TOUCH; u++) join(&interval[u], &found[u], turn == 0);
@@ -605,7 +657,7 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
     fit->compliance_m_n = value[COMPLIANCE];
     const double scatter = best->scale;
     best->scale = scale;
-    if (fit->fitted > 1) {
+    if (fit->replicates > 1) {
         double *spare = calloc((size_t)best->readings, sizeof *spare);
         if (!spare) return false;
         jackknife(s, best, trial, residual, spare);
@@ -634,7 +686,7 @@ int kn_press_fit_run(kn_press_fit *fit)
     static search s;
     s = (search){.fit = fit, .end = fit->fitted, .least = INFINITY, .kept_s = now_s()};
     kn_material start = fit->object->material;
-    double most = 0;
+    double highest_pa = 0;
     pthread_mutex_init(&s.lock, NULL);
     best = (kn_fit){.misfit = misfit, .of = &s, .coarse = true, .concurrent = true};
     kn_lattice_unknowns(&best, &start, 0);
@@ -643,9 +695,12 @@ int kn_press_fit_run(kn_press_fit *fit)
         const kn_curve *c = fit->press[k].curve;
         kn_fit_unknown *touch = &best.unknown[TOUCH + k];
         if (!prepare(&fit->press[k], touch)) return kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
-        touch->fixed = k >= fit->fitted;
-        if (k < fit->fitted) s.readings += c->count;
-        most = fmax(most, kn_curve_largest(c));
+        touch->fixed |= k >= fit->fitted;
+        if (k < fit->fitted) s.readings += c->count, fit->replicates += fit->press[k].specimen.cells[0] == 0;
+        for (int i = 0; i < c->steps; i++) highest_pa = fmax(highest_pa, c->step[i].stress_pa);
+        if (c->kind == KN_CURVE_CREEP) continue;
+        // the stress in an edge is at most the whole force on the area of one node
+        highest_pa = fmax(highest_pa, kn_curve_largest(c) / pow(fit->object->spacing_m, 2));
         // bound: the frame yields by at most 30 % of the way down
         const double yields = 0.3 * (c->other[peak_of(c)] - c->other[kn_curve_touch(c)]) / kn_curve_largest(c);
         kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
@@ -667,8 +722,7 @@ int kn_press_fit_run(kn_press_fit *fit)
         fit->resumed = resume(fit, best.unknowns, kept);
         if (fit->resumed) start = kn_lattice_material(kept, false);
         bool good = fit->resumed || find_start(&s, &best, &start);
-        // the stress in an edge is at most the whole force on the area of one node
-        kn_lattice_unknowns(&best, &start, most / pow(fit->object->spacing_m, 2));
+        kn_lattice_unknowns(&best, &start, highest_pa);
         best.unknowns = TOUCH + fit->presses;
         for (int i = COMPLIANCE; i < best.unknowns && fit->resumed; i++) best.unknown[i].value = kept[i];
         good = good && solve(&s, &best, &trial, residual) && press_as_served(fit, &best);

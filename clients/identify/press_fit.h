@@ -21,20 +21,25 @@
 // first start is the best of a grid of scales of stress and time. Three others thin more, thin less, and have a softer
 // spring. The unknowns are freed in stages.
 //
-// The intervals are profiles (profile_interval.h), wider if neighbouring residuals are alike. With two presses or more, they
-// also cover the spread between the presses. The fit is repeated without each press in turn (by the linearised model, which
+// A record can be of a specimen between plates: a press by a plate, or creep, whose strains are then compared. The search
+// takes a specimen for an affine block (affine_block.h), and the shift is the difference from its lattice.
+//
+// The intervals are profiles (profile_interval.h), wider if neighbouring residuals are alike. With two presses of the object
+// or more, they also cover the spread between these. The fit is repeated without each press in turn (by the linearised model, which
 // costs nothing), and the jackknife gives the covariance. These repeated fits also predict the press that was left out.
 #include "clients/identify/served_lattice.h"
 #include "core/model.h"
 #include <stdint.h>
 
 typedef struct kn_press_record {
-    const kn_curve *curve;
+    const kn_curve *curve; // a press, or the creep of a specimen under a level plate
     const kn_probe_def *tool;
-    // results
+    // cells[0] > 0: the object is not that of the fit, but a specimen on a table without friction, under a plate
+    kn_served_lattice specimen;
+    // results. Of a creep, the strain stands where a press has the force: in model_n, band_n, sigma_n [1]
     double touch_m; // reading of depth at which the tool touches
     double left;    // rms difference between the lattice's force and the readings, share of the largest force
-    double lone;    // the same for the fit without this press; NAN: there is no such fit
+    double lone;    // the same for the fit without this press of the object; NAN: there is no such fit
     // readings of a pull that the tool cannot give, since it has no adhesion, are not compared: their impulse
     double pull_n_s;
     double *model_n, *band_n; // [curve->count] force of the lattice, and half of its 95 % band
@@ -45,7 +50,8 @@ typedef struct kn_press_record {
 
 typedef struct kn_press_fit {
     const char *subcommand;
-    const kn_model_def *object; // a block; its material is the start of the search if its damper depends on the force
+    const kn_model_def *
+        object; // a block that is pressed, if not a specimen; its material is the start of the search if its damper depends on the force
     // press[0..fitted-1] are fitted, at least one; the others are only predicted, but for their places of touch
     int presses, fitted;
     kn_press_record press[KN_CURVES_MAX]; // [presses]
@@ -56,6 +62,7 @@ typedef struct kn_press_fit {
     // results
     kn_material material;
     kn_parameter_estimate number[KN_ESTIMATE_NUMBERS], compliance; // compliance.name NULL: it was given
+    int replicates; // fitted presses of the object itself; from two on, the intervals cover their spread
     bool resumed;
     int runs; // runs of the lattice, each through all fitted presses
 } kn_press_fit;

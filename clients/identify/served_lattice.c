@@ -22,19 +22,30 @@ bool kn_served_lattice_cut(kn_served_lattice *served, const kn_curve *curve, dou
     return true;
 }
 
+void kn_served_lattice_shape(const kn_served_lattice *served, kn_model_def *def)
+{
+    def->spacing_m = served->spacing_m;
+    for (int k = 0; k < 3; k++) def->nodes[k] = served->cells[k == 2] + 1;
+    memset(def->fine, 0, sizeof def->fine);
+    def->support = KN_SUPPORT_FRICTIONLESS;
+    def->gravity_m_s2 = 0;
+}
+
 static kn_model *make_lattice(const kn_served_lattice *served, const kn_material *material)
 {
     const kn_affine_structure *structure = &served->structure;
     char error[256];
-    kn_model_def def = kn_model_def_default();
+    const kn_solver_def solver = kn_model_def_default().solver;
+    kn_model_def def = served->object ? *served->object : kn_model_def_default();
+    if (!served->object) {
+        def.diagonal_stiffness = structure->diagonal;
+        def.pressure = structure->gas_pa > 0 ? KN_PRESSURE_CELLS : KN_PRESSURE_NONE;
+        if (structure->gas_pa > 0) def.inside_pressure_pa = structure->gas_pa;
+    }
     def.material = *material;
-    def.spacing_m = served->spacing_m;
-    for (int k = 0; k < 3; k++) def.nodes[k] = served->cells[k == 2] + 1;
-    def.diagonal_stiffness = structure->diagonal;
-    def.pressure = structure->gas_pa > 0 ? KN_PRESSURE_CELLS : KN_PRESSURE_NONE;
-    if (structure->gas_pa > 0) def.inside_pressure_pa = structure->gas_pa;
-    def.support = KN_SUPPORT_FRICTIONLESS;
+    kn_served_lattice_shape(served, &def);
     def.probe_count = 1;
+    def.solver = solver;
     def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {1, 1}};
     def.solver.precision = KN_PRECISION_F32;
     def.solver.dt_s = STEP_S;
@@ -55,8 +66,6 @@ static double height_of(const kn_model *m, const kn_state *state)
     return sum / (m->def.spacing_m * (m->def.nodes[2] - 1));
 }
 
-// Compute the strain of the lattice at the readings of a curve. Once the plate has squeezed the lattice flat, the strain
-// is 1.
 static bool creep(const kn_model *m, const kn_curve *c, double *strain)
 {
     kn_state *state = kn_state_create(m), *trial = kn_state_create(m);
@@ -83,6 +92,15 @@ static bool creep(const kn_model *m, const kn_curve *c, double *strain)
     kn_state_destroy(state);
     kn_state_destroy(trial);
     return done;
+}
+
+bool kn_served_lattice_creep(const kn_served_lattice *served, const kn_material *material, const kn_curve *curve,
+                             double *strain)
+{
+    kn_model *m = make_lattice(served, material);
+    const bool good = m && creep(m, curve, strain);
+    kn_model_destroy(m);
+    return good;
 }
 
 // ---- the fit
@@ -210,14 +228,12 @@ double kn_affine_block_left(const kn_affine_structure *structure, const kn_mater
 // Run the lattice for all curves. Store its strains in s->strain, and what is left on each curve.
 static bool run_lattice(search *s, const kn_material *material, double left[KN_CURVES_MAX])
 {
-    kn_model *m = make_lattice(s->served, material);
-    bool good = m;
+    bool good = true;
     double *strain = s->strain;
     for (int k = 0; k < s->curves && good; strain += s->curve[k++].count) {
-        good = creep(m, &s->curve[k], strain);
+        good = kn_served_lattice_creep(s->served, material, &s->curve[k], strain);
         left[k] = apart(strain, &s->curve[k]);
     }
-    kn_model_destroy(m);
     return good;
 }
 

@@ -271,6 +271,63 @@ TEST("a press that no such lattice gives is told, and written only if the user i
     CHECK(access("odd.yaml", F_OK) != 0);
 }
 
+// Test a cube of the block's material and structure with 2 cells along each side by `command`, and write what a cube of 2 cm
+// shows: strains do not depend on the size. `row`: format of time, strain and, if `press`, force in the command's table.
+static void measure_cube(int (*command)(int, char **), const char *options, const char *row, bool press,
+                         const char *path, const char *head)
+{
+    char text[1000], line[200];
+    snprintf(text, sizeof text,
+             OBJECT "density: 1200 kg/m^3\nmaterial: {k1: %g Pa, c1: %g Pa*s, damper: exponential, alpha: %g Pa*s, "
+                    "beta: %g 1/Pa, p0: %g Pa, p1: %g Pa}\n",
+             diagonal, gas_atm, truth[0], truth[1], truth[2], truth[3], truth[4], truth[5]);
+    write_text("true.yaml", text);
+    KN_CALLS(0, "", command, "knead", "true.yaml --lattice 2x2x2 --csv all.csv %s", options);
+    FILE *from = fopen("all.csv", "r"), *to = fopen(path, "w");
+    double time_s = 0, strain, force_n = 0, before_s = 0;
+    bool lattice = false; // its rows follow the element's
+    fprintf(to, "# height: 2 cm\n# area: 4 cm^2\n%s\n", head);
+    for (; from && to && fgets(line, sizeof line, from); before_s = time_s) {
+        if (sscanf(line, row, &time_s, &strain, &force_n) < 2) continue;
+        lattice |= time_s < before_s;
+        const double noise = 0.0015 * kn_dice_normal(&seed);
+        if (lattice && press) fprintf(to, "%g,%g,%g\n", time_s, 20 * strain, 4 * force_n);
+        if (lattice && !press && time_s > 0) fprintf(to, "%g,%g\n", time_s, strain + noise);
+    }
+    if (from) fclose(from);
+    if (to) fclose(to);
+}
+
+NIGHT_TEST(
+    "creep of a specimen is fitted together with a press of the object, and a plate on the specimen is predicted")
+{
+    measure("slow.csv", (stage){.depth_mm = 5, .speed_mm_s = 10, .hold_s = 0.8, .above_mm = 0.5, .noise = 0.0015});
+    measure_cube(kn_creep_main, "--load 20gf --hold 20 --rest 10", "%*g,%lg,%lg", false, "creep.csv",
+                 "# load: 80 gf\n# release: 20 s\ntime_s,strain");
+    measure_cube(kn_relax_main, "--strain 30% --ramp 20%/s --hold 3", "%lg,%*g,%lg,%*g,%*g,%lg", true, "relax.csv",
+                 "# tool: plate\ntime_s,depth_mm,force_N");
+    PRESS(0, "",
+          "slow.csv --creep creep.csv --held relax.csv --held fast.csv --object block.yaml --tool ball --compliance '0 "
+          "mm/N' --out "
+          "both.yaml --csv both.csv --png both.png --json");
+    load_results();
+    for (int i = 0; i < 6; i++) {
+        const json_t *n = number_of(name[i]);
+        const bool known = !strcmp(json_string_value(json_object_get(n, "known")), "known");
+        printf("  %s %s %.3g [%.3g .. %.3g] of the true one\n", name[i], known ? "known" : "open",
+               part_of(n, "value") / truth[i], part_of(n, "low") / truth[i], part_of(n, "high") / truth[i]);
+        CHECK(!known || (part_of(n, "low") < truth[i] && part_of(n, "high") > truth[i]));
+        // a second of a press does not show the spring, half a minute of creep does
+        CHECK(i != 0 || (known && part_of(n, "high") < 2 * part_of(n, "low")));
+    }
+    for (int k = 0; k < 3; k++) {
+        printf("  record %d: %.2f %% left\n", k, 100 * part_of(press_of(k), "left"));
+        CHECK(part_of(press_of(k), "left") < 0.03);
+    }
+    OWN(kn_scene) *both = kn_scene_load("both.yaml", NULL, 0, error, sizeof error);
+    CHECK(both && strstr(both->label, "and on the strains of creep"));
+}
+
 TEST("bad input is refused in one line that says what to do")
 {
     measure("slow.csv", (stage){.depth_mm = 5, .speed_mm_s = 10, .hold_s = 0.2, .above_mm = 0.5});
@@ -279,6 +336,8 @@ TEST("bad input is refused in one line that says what to do")
     write_text("still.csv", "time_s,force_N,depth_mm\n@20 0+1,1+1,3\n");
     write_text("rises.csv", "time_s,force_N,height_mm\n@20 0+1,1+1,3+1\n");
     write_text("toolless.yaml", "probes: []\n");
+    write_text("specimen.csv", "# height: 2 cm\n# area: 4 cm^2\ntime_s,force_N,depth_mm\n@20 0+1,1+1,1+1\n");
+    write_text("cube.csv", "# load: 10 gf\n# height: 1 cm\n# area: 1 cm^2\ntime_s,strain\n@20 1+1,0.1+0.01\n");
     write_text("small.yaml", "probes:\n  - {name: pea, shape: sphere, radius: 2 mm}\n");
     const char *const bad[][2] = {
         {"expected --object SCENE, the scene of the object that was pressed", "slow.csv --tool ball"},
@@ -295,6 +354,10 @@ TEST("bad input is refused in one line that says what to do")
         {"still.csv:2:", "still.csv --object block.yaml --tool ball"},
         {"rises.csv:21:1: the height rises as the force does, expected one that falls, or a column named depth",
          "rises.csv --object block.yaml --tool ball"},
+        {"specimen.csv: has the height and area of a specimen, but the tool 'ball' is no plate",
+         "specimen.csv --object block.yaml --tool ball"},
+        {"cube.csv: cells of 10 mm as in block.yaml do not fit the specimen, expected a spacing for 2 to 8 cells",
+         "slow.csv --creep cube.csv --object block.yaml --tool ball"},
         {"expected a file of readings", "--held slow.csv --object block.yaml --tool ball"},
         {"slow.csv and slow.csv are one file", "slow.csv --held slow.csv --object block.yaml --tool ball"},
         {"bun.yaml: the object is a mesh, expected a block",
