@@ -101,7 +101,7 @@ static bool solve(kn_affine_block *b, double dt_s, double stress_pa, double heig
     for (int k = 0; k < KN_AFFINE_EDGES; k++) b->strain[k] = strain[k];
     b->width = width;
     b->height = height;
-    b->stress_pa = -f[1];
+    b->stress_pa = (free ? stress_pa : 0) - f[1];
     return height > 0.02;
 }
 

@@ -288,6 +288,7 @@ static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, doubl
     double stress_pa = f->stress_pa;
     c->constant_area |= compliance;
     // If the stress of a compliance is unknown, assume 1 Pa. The strain is then as large as the compliance in 1/Pa.
+    c->unknown_stress = compliance && !isfinite(stress_pa) && !isfinite(load_n) && !isfinite(f->load_n);
     if (compliance && !isfinite(stress_pa)) stress_pa = 1;
     if (isfinite(load_n) || !isfinite(stress_pa)) {
         if (!isfinite(load_n)) load_n = f->load_n;

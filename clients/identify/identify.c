@@ -84,7 +84,7 @@ static const kn_option rows[] = {
               .belongs = "cp"),
     KN_OPTION("strain", SPECIAL, AT(curve.strain), .take = take_strain, .belongs = "r"),
     KN_OPTION("units", TEXT, AT(curve.units)),
-    KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cpr"),
+    KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cr"),
     KN_OPTION("late", FLAG, AT(late), .belongs = "c"),
     KN_OPTION("serve", SPECIAL, AT(serve), .take = take_structure, .belongs = "c"),
     KN_OPTION("spacing", QUANTITY, AT(spacing_m), SI("m"), .expected = "a length like '5 mm'", .belongs = "c"),
@@ -124,6 +124,9 @@ static int parse_options(kn_identify_options *opt, const char *subcommand, char 
     const int code = kn_options_read(&table, opt, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     for (int i = optind; i < argc; i++) opt->file[opt->files++] = argv[i];
+    if (opt->files == 0 && opt->creeps > 0)
+        return kn_complain(subcommand, KN_EXIT_USAGE,
+                           "expected a press beside --creep; for creep alone there is knead identify creep");
     if (opt->files == 0)
         return kn_complain(subcommand, KN_EXIT_USAGE, "expected a file of readings, CSV; --help lists its columns");
     for (int i = 0; i < opt->creeps; i++) opt->file[opt->files++] = opt->creep[i];

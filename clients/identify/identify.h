@@ -28,7 +28,7 @@ typedef struct kn_identify_options {
     double spacing_m; // creep: spacing of that lattice; 0: not given
     bool anyway;      // creep, press: write the scene of a lattice that does not follow the curves
     const char *tool, *object; // press: the tool and the scene of the object
-    // press: paths of creep records, and of presses that are only predicted; file[] ends with the first and then the second
+    // press: paths of creep records, and of presses that are only predicted; file[] holds the presses, creep[] and held[]
     const char **creep, **held;
     int creeps, helds;
     double compliance_m_n; // press: compliance of frame and gauge; NAN: not given

@@ -11,11 +11,13 @@
 //     relax   Columns: time, and one of stress, load or modulus. Optional: one of strain, displacement or height
 //     sweep   Columns: frequency (Hz or rad/s), and storage and loss modulus. Instead of the two moduli: the absolute
 //             modulus, and tan delta or the phase angle
-//     press   Columns: time, force, and depth or height of a tool that presses an object. The note tool names the tool
+//     press   Columns: time, force, and depth or height of a tool that presses an object. The note tool names the tool. The
+//             notes height and area say that a specimen was pressed
 //
 // Notes are lines "# key: value" anywhere in a file. The keys are load, stress, height, area, strain, release (the time
 // at which the load was removed), begin (creep: the time at which the load was applied; relax: the time at which the
-// strain was reached) and section. The only value of section is "constant". The options apply to all files. The notes
+// strain was reached) and section. The only value of section is "constant". The options apply to all files, but of a press
+// the size comes from its notes only. The notes
 // of a file override the options for that file.
 //
 // A reading is left out if it is missing, or if it was taken before the load or while the load changed. Readings of the
@@ -75,9 +77,10 @@ typedef struct kn_curve {
     int steps;                          // number of load steps
     kn_curve_step step[KN_CURVE_STEPS]; // load steps; step[0] is at time 0; a stress of 0 Pa means no load
     bool constant_area;                 // true: the stress is the nominal stress W/S0; false: it is W/S0 (1 - strain)
-    double height_m, area_m2;           // size of the specimen; 0: unknown, since the file gives strain and stress
+    bool unknown_stress;                // a compliance whose stress is not stated: step[0] is then 1 Pa
     // the next fields are for relaxation curves only
     double strain;            // the strain that is held; 0: the strain is unknown, and value[] holds a modulus
+    double height_m, area_m2; // creep, relax, press: size of the specimen; 0: not stated
     double begin_s;           // time at which the held strain was reached; 0 if time is counted from that moment
     char tool[KN_CURVE_NAME]; // press: value of the note tool; "" if the file has none
 } kn_curve;

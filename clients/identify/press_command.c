@@ -21,20 +21,21 @@ static const char help[] =
     "A file is a table of time, force and depth of one press, with a name and a unit above each column.\n"
     "It may include the withdrawal. The place of touch is fitted, so depth may count from anywhere.\n"
     "The force is 0 without touch, and the tool presses in the middle of the object, straight down.\n"
-    "If the file has the notes '# height: 1 cm' and '# area: 1 cm^2', not the object was pressed but a specimen of its\n"
-    "material between plates, as in a relaxation or a texture profile: a prism or cylinder on a table without friction.\n\n"
+    "A file with the notes '# height: 1 cm' and '# area: 1 cm^2' is of a specimen of the same material, not of the object:\n"
+    "a cylinder or prism between a table without friction and a plate, as in a relaxation or a texture profile.\n\n"
     "  --object SCENE         a scene with the pressed object: a block, its cells, structure and support\n"
     "  --tool TOOL            the tool: the name of one of the scene's probes, or a file (with a . or / in its name),\n"
     "                         whose first probe it is:\n"
     "                             probes:\n"
     "                               - {name: ball, shape: sphere, radius: 1 cm}\n"
     "                         a line '# tool: TOOL' in a file of readings names another tool for that press\n"
-    "  --creep FILE           creep of a specimen, fitted together with the presses; may be repeated. Notes of the file, or\n"
-    "                         --load, --height, --area, --release say what `knead identify creep --help` explains\n"
+    "  --creep FILE           creep of a specimen, fitted together with the presses; may be repeated. Its load and size: notes\n"
+    "                         in the file, or --load, --stress, --height, --area, --release, as for knead identify creep\n"
     "  --held FILE            a press that is not fitted but predicted, to see what the fit is worth; may be repeated\n"
-    "  --compliance C         how far frame and gauge give way, e.g. '0.01 mm/N' or '0 mm/N' (default: fitted)\n"
+    "  --compliance C         how far frame and gauge give way, e.g. '0.01 mm/N' or '0 mm/N' (default: fitted); not for\n"
+    "                         specimens, whose heights must be those between the plates\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,force=N,depth=mm\n"
-    "  --anyway               write the scene even if more than 15 % of a press's force is left\n"
+    "  --anyway               write the scene even if more than 15 % of a record's largest value is left\n"
     "  --out FILE             the scene with the fitted material; its label says what is left\n"
     "  --density D            density of the material (default: that of the scene)\n"
     "  --report DIR           folder for a page, DIR/index.html, with all results, the plot and the scene\n"
@@ -42,7 +43,7 @@ static const char help[] =
     "  --csv FILE             table of readings and fit\n"
     "  --json                 print the results as JSON\n\n"
     "The output gives the best parameters and their 95 % intervals. With one press, the intervals come from the noise.\n"
-    "With several, which count as replicates, they come from the spread between the presses.\n"
+    "Several presses of the object are replicates: then the intervals also cover the spread between these.\n"
     "If a fit with --out is killed, run the same command again; it continues from FILE.fit.\n"
     "Exit codes: 0 ok, 1 --out is refused: the lattice does not follow, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
@@ -103,21 +104,40 @@ static kn_scene *load_tool(const char *path, const kn_scene *object, char *error
     return NULL;
 }
 
-// Cut the specimen of a record. Its lattice has the structure of the object, and cells as near to the object's as fit.
+// Cut the specimen of a record. Its lattice has the structure of the object, and whole cells as near to the object's size
+// as 2 to KN_SERVED_CELLS_MAX along each side allow.
 static int cut_specimen(kn_identification *w, const kn_model_def *object, int press)
 {
-    const kn_curve *c = &w->curve[press];
     kn_press_record *p = &w->press.press[press];
-    if (c->kind == KN_CURVE_PRESS && !(c->height_m > 0 && c->area_m2 > 0)) return KN_EXIT_OK;
-    const bool gas = object->pressure != KN_PRESSURE_NONE, diagonals = object->structure == KN_STRUCTURE_DIAGONALS;
+    const char *sub = w->opt.subcommand;
+    kn_curve c = w->curve[press];
+    const bool creep = c.kind == KN_CURVE_CREEP, gas = object->pressure != KN_PRESSURE_NONE;
+    if (!creep && (c.height_m > 0) != (c.area_m2 > 0))
+        return kn_complain(sub, KN_EXIT_USAGE,
+                           "%s: the note '# %s:' stands alone, expected height and area of a specimen, or "
+                           "neither",
+                           c.file, c.height_m > 0 ? "height" : "area");
+    if (!creep && !(c.height_m > 0)) return KN_EXIT_OK;
+    if (creep && c.unknown_stress)
+        return kn_complain(sub, KN_EXIT_USAGE,
+                           "%s: the stress of this compliance is not known, expected a line '# stress: "
+                           "1 kPa' or --stress '1 kPa'",
+                           c.file);
+    // strains do not depend on the size, so a specimen of unknown size is a cube of any size
+    if (!(c.height_m > 0)) c.height_m = 2 * object->spacing_m;
+    const double wide_m = c.area_m2 > 0 ? sqrt(c.area_m2) : c.height_m;
+    const double most_m = 0.5 * fmin(wide_m, c.height_m), least_m = fmax(wide_m, c.height_m) / KN_SERVED_CELLS_MAX;
     p->specimen.object = object;
-    p->specimen.structure =
-        (kn_affine_structure){diagonals ? object->diagonal_stiffness : 0, gas ? object->inside_pressure_pa : 0};
-    if (kn_served_lattice_cut(&p->specimen, c, object->spacing_m)) return KN_EXIT_OK;
-    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                       "%s: cells of %.3g mm as in %s do not fit the specimen, expected a spacing for 2 to %d cells "
-                       "along each side",
-                       c->file, 1e3 * object->spacing_m, w->opt.object, KN_SERVED_CELLS_MAX);
+    p->specimen.structure.diagonal = object->structure == KN_STRUCTURE_DIAGONALS ? object->diagonal_stiffness : 0;
+    p->specimen.structure.gas_pa = gas ? object->inside_pressure_pa : 0;
+    if (!kn_served_lattice_cut(&p->specimen, &c, fmin(fmax(object->spacing_m, 1.01 * least_m), most_m)))
+        return kn_complain(sub, KN_EXIT_USAGE,
+                           "%s: a specimen of %.3g mm width and %.3g mm height, expected one that is "
+                           "between 3 times as wide as high and 3 times as high as wide",
+                           c.file, 1e3 * wide_m, 1e3 * c.height_m);
+    printf("%s: a specimen, pressed as %d x %d x %d cells of %.3g mm\n", c.name, p->specimen.cells[0],
+           p->specimen.cells[0], p->specimen.cells[1], 1e3 * p->specimen.spacing_m);
+    return KN_EXIT_OK;
 }
 
 // Find the tool of one press: a probe of the object's scene, or the first probe of a file.
@@ -127,6 +147,7 @@ static int find_tool(kn_identification *w, int press, const char *name)
     const kn_scene *object = w->scene[0];
     kn_press_record *p = &w->press.press[press];
     for (int i = 0; i < press && !p->tool; i++) {
+        if (w->curve[i].kind == KN_CURVE_CREEP) continue;
         const char *other = *w->curve[i].tool ? w->curve[i].tool : w->opt.tool;
         if (!strcmp(other, name)) p->tool = w->press.press[i].tool;
     }
@@ -181,6 +202,7 @@ static char *scene_text(const kn_identification *w, const char *label, char *err
     FILE *f = text ? open_memstream(&probes, &size) : NULL;
     for (int k = 0; k <= w->curves && f; k++) {
         const char *from = w->scene[k] ? w->scene[k]->text : NULL;
+        if (k > 0 && kn_press_of_specimen(&w->press.press[k - 1])) continue; // its plate never touched the object
         if (!from || !kn_yaml_patch_find(from, "probes", &begin, &end, error, error_size) || begin == end) continue;
         const char *items = strchr(from + begin, '\n') + 1; // the lines below `probes:`
         fprintf(f, "%s%.*s", size == 0 && ftell(f) == 0 ? "probes:\n" : "", (int)(from + end - items), items);
@@ -231,30 +253,29 @@ static int try_kept(const kn_identification *w, const char *kept)
                        kept);
 }
 
-// Refuse a press that is too deep for the object.
-static int try_depth(const kn_identification *w, int press)
-{
-    const kn_curve *c = &w->curve[press];
-    double extent_m[3], deepest = -INFINITY;
-    kn_model_def_extent(&w->scene[0]->model, extent_m);
-    if (w->press.press[press].specimen.cells[0] > 0) extent_m[2] = c->height_m;
-    for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
-    const double depth_m = deepest - c->other[kn_curve_touch(c)], most_m = 0.8 * extent_m[2];
-    if (depth_m <= most_m) return KN_EXIT_OK;
-    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                       "%s: a press of %.3g mm, expected at most %.3g mm (0.8 of the object's height)", c->file,
-                       1e3 * depth_m, 1e3 * most_m);
-}
-
-// Only a plate presses a specimen as a whole.
-static int try_plate(const kn_identification *w, int press)
+// Refuse a press that is too deep, and a specimen that is not pressed as a whole.
+static int try_press(const kn_identification *w, int press)
 {
     const kn_press_record *p = &w->press.press[press];
-    if (p->specimen.cells[0] == 0 || p->tool->shape == KN_PROBE_PLATE) return KN_EXIT_OK;
-    return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
-                       "%s: has the height and area of a specimen, but the tool '%s' is no plate; expected a plate, or "
-                       "no such notes",
-                       p->curve->file, p->tool->name);
+    const kn_curve *c = p->curve;
+    double extent_m[3], deepest = -INFINITY;
+    kn_model_def_extent(&w->scene[0]->model, extent_m);
+    if (kn_press_of_specimen(p)) extent_m[2] = c->height_m;
+    for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);
+    const double depth_m = deepest - c->other[kn_curve_touch(c)], most_m = 0.8 * extent_m[2];
+    if (depth_m > most_m)
+        return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
+                           "%s: a press of %.3g mm, expected at most %.3g mm (0.8 of the height)", c->file,
+                           1e3 * depth_m, 1e3 * most_m);
+    const double side_m = sqrt(c->area_m2);
+    if (!kn_press_of_specimen(p) ||
+        (p->tool->shape == KN_PROBE_PLATE && p->tool->size_m[0] >= side_m && p->tool->size_m[1] >= side_m))
+        return KN_EXIT_OK;
+    return kn_complain(
+        w->opt.subcommand, KN_EXIT_USAGE,
+        "%s: has the height and area of a specimen, but the tool '%s' is no plate as wide as that; expected "
+        "such a plate, or no such notes",
+        c->file, p->tool->name);
 }
 
 static void hash_record(kn_press_fit *f, const kn_curve *c)
@@ -275,6 +296,13 @@ static int fit(kn_identification *w)
     static char kept[PATH_MAX];
     static kn_model_def object;
     kn_press_fit *f = &w->press;
+    const kn_curve_options *o = &w->opt.curve;
+    if (w->opt.creeps == 0 &&
+        fmax(fmax(o->height_m, o->area_m2), fmax(o->load_n, fmax(o->stress_pa, o->release_s))) > 0)
+        return kn_complain(
+            w->opt.subcommand, KN_EXIT_USAGE,
+            "--load, --stress, --height, --area and --release are of creep: expected --creep FILE with them; "
+            "a press of a specimen needs notes '# height:' and '# area:' in its file");
     int code = load_object(w);
     if (code != KN_EXIT_OK) return code;
     object = w->scene[0]->model;
@@ -300,8 +328,7 @@ static int fit(kn_identification *w)
         code = find_tool(w, k, name);
         const char *from = w->scene[1 + k] ? w->scene[1 + k]->text : name;
         f->inputs = kn_hash_bytes(f->inputs, from, strlen(from));
-        if (code == KN_EXIT_OK) code = try_plate(w, k);
-        if (code == KN_EXIT_OK) code = try_depth(w, k);
+        if (code == KN_EXIT_OK) code = try_press(w, k);
     }
     if (code != KN_EXIT_OK) return code;
     f->subcommand = w->opt.subcommand, f->object = &object, f->compliance_m_n = w->opt.compliance_m_n;
@@ -331,7 +358,7 @@ static void doubt(kn_identification *w)
     if (!(worst_left(f) <= KN_IDENTIFY_FOLLOWS))
         kn_identify_note(
             w,
-            "this lattice cannot follow the presses: up to %.0f %% of the largest force are left; try another "
+            "this lattice cannot follow the records: up to %.0f %% of the largest value of one are left; try another "
             "structure of the object: gas in its cells, or other diagonals",
             100 * worst_left(f));
     for (int k = 0; k < f->presses; k++) {
@@ -346,9 +373,11 @@ static void doubt(kn_identification *w)
             kn_identify_note(w, "%s: the law does not predict this press: %.0f %% of its largest force are left",
                              p->curve->name, 100 * p->left);
     }
-    if (f->replicates == 1)
-        kn_identify_note(w, "one press of the object: the intervals cover noise only, not the differences between "
-                            "objects; press another");
+    if (f->replicates < 2)
+        kn_identify_note(w, "%s: the intervals cover noise only, not the differences between objects; press another",
+                         f->replicates ? "one press of the object" : "no press of the object");
+    else if (f->replicates < f->fitted)
+        kn_identify_note(w, "the intervals cover the differences between objects, but not those between specimens");
 }
 
 // Describe how well presses are predicted that are not in the fit.
@@ -367,8 +396,13 @@ static void predicted(const kn_press_fit *f, char *text, size_t size)
         before = ",";
     }
     if (used == 0) used = snprintf(text, size, "No other press was predicted");
-    bool one = true; // all tools have one shape
-    for (int k = 1; k < f->presses; k++) one &= f->press[k].tool->shape == f->press[0].tool->shape;
+    const kn_probe_def *first = NULL;
+    bool one = true; // all tools that pressed the object have one shape
+    for (int k = 0; k < f->presses; k++) {
+        if (kn_press_of_specimen(&f->press[k])) continue;
+        if (!first) first = f->press[k].tool;
+        one &= f->press[k].tool->shape == first->shape;
+    }
     if (one)
         snprintf(text + used, size - (size_t)used,
                  ". All tools had one shape: the force on another shape may be 15 %% off");
@@ -395,27 +429,29 @@ static void tell(kn_identification *w)
         char lone[20] = "-";
         if (k < f->fitted && !isnan(p->lone)) snprintf(lone, sizeof lone, "%.2g", 100 * p->lone);
         const bool creep = p->curve->kind == KN_CURVE_CREEP;
-        printf("%-20s %12.4g %12.2g %12.2g %16s%s\n", p->curve->name, 1e3 * p->touch_m, 100 * p->left, 100 * band_of(p),
-               lone,
+        char touch[20] = "-";
+        if (!creep) snprintf(touch, sizeof touch, "%.4g", 1e3 * p->touch_m);
+        printf("%-20s %12s %12.2g %12.2g %16s%s\n", p->curve->name, touch, 100 * p->left, 100 * band_of(p), lone,
                creep           ? "   creep"
                : k < f->fitted ? ""
                                : "   predicted, not fitted");
         json_t *row = kn_result_add("presses");
         kn_result_text(row, "name", p->curve->name);
-        kn_result_text(row, "kind", creep ? "creep" : "press");
-        kn_result_text(row, "tool", p->tool->name);
-        kn_result_number(row, "touch_m", p->touch_m);
+        kn_result_text(row, "kind", creep ? "creep" : kn_press_of_specimen(p) ? "specimen" : "press");
+        if (!creep) kn_result_text(row, "tool", p->tool->name);
+        if (!creep) kn_result_number(row, "touch_m", p->touch_m);
         kn_result_number(row, "left", p->left);
         kn_result_number(row, "band", band_of(p));
         kn_result_number(row, "left_when_left_out", p->lone);
         kn_result_number(row, "pull_left_out_n_s", p->pull_n_s);
         kn_result_text(row, "role", k < f->fitted ? "fitted" : "predicted");
     }
-    printf(
-        "left: rms difference of the forces (creep: of the strains), %% of the largest, as kneadd steps the lattice.\n"
-        "band: half of the 95 %% band, on average: of noise and of uncertain numbers; what the law cannot do is not "
-        "in it.\n"
-        "left out: the same as left, for a fit without this press\n");
+    printf("left: rms difference of the forces, %% of the largest, as kneadd steps the lattice; of the strains for "
+           "creep,\n"
+           "in steps of 30 ms.\n"
+           "band: half of the 95 %% band, on average: of noise and of uncertain numbers; what the law cannot do is not "
+           "in it.\n"
+           "left out: the same as left, for a fit without this press\n");
     predicted(f, text, sizeof text);
     printf("%s\nthe lattice was pressed %d times\n\n", text, f->runs);
     doubt(w);
@@ -485,7 +521,7 @@ static int write_scene(const kn_identification *w, const char *path)
     if (!(worst_left(f) <= KN_IDENTIFY_FOLLOWS) && !w->opt.anyway)
         return kn_complain(
             w->opt.subcommand, KN_EXIT_FAILED,
-            "--out %s: not written, the lattice leaves up to %.0f %% of the largest force; expected another "
+            "--out %s: not written, the lattice leaves up to %.0f %% of a record's largest value; expected another "
             "structure, or --anyway",
             path, 100 * worst_left(f));
     predicted(f, told, sizeof told);
@@ -517,7 +553,7 @@ static int report(kn_identification *w, kn_document *d)
     kn_document_table(d, "Parameters of the lattice's edges", "lrl", "parameter\tbest value and 95 % interval\tremark");
     for (int i = 0; i < KN_ESTIMATE_NUMBERS; i++) kn_identify_page_number(d, &f->number[i]);
     if (f->compliance.name) kn_identify_page_number(d, &f->compliance);
-    kn_document_table(d, "Presses: what is left, in % of the largest force", "lrr",
+    kn_document_table(d, "Records: what is left, in % of the largest force, or strain of creep", "lrr",
                       "press\tfitted, or predicted\tleft out of the fit");
     for (int k = 0; k < f->presses; k++) {
         char lone[20] = "-";
@@ -530,7 +566,8 @@ static int report(kn_identification *w, kn_document *d)
     for (int i = 0; i < w->notes; i++) kn_document_verdict(d, KN_DOCUMENT_BEWARE, "%s", w->note[i]);
     const int code = draw(w, kn_document_file(d, "fit.png", path));
     if (code != KN_EXIT_OK) return code;
-    kn_document_picture(d, "fit.png", "Force over time and over depth of every press, with the force of the lattice",
+    kn_document_picture(d, "fit.png",
+                        "Force over time and over depth of every press, and creep, with what the lattice does",
                         "Points: measured. Lines: fitted. Dashes: predicted, and the 95 % bands.");
     int done = kn_identify_page_files(w, d, "readings.csv", "readings and fit", false);
     if (done != KN_EXIT_OK || !(worst_left(f) <= KN_IDENTIFY_FOLLOWS || w->opt.anyway)) return done;

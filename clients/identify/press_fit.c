@@ -83,7 +83,10 @@ static kn_model *make_model(const kn_press_fit *fit, const kn_press_record *p, c
     def.probe_count = 1;
     def.probe[0] = *p->tool;
     def.probe[0].coupling_n_m = def.probe[0].coupling_n_s_m = 0;
-    if (p->specimen.cells[0] > 0) kn_served_lattice_shape(&p->specimen, &def);
+    if (kn_press_of_specimen(p)) {
+        kn_served_lattice_shape(&p->specimen, &def);
+        def.probe[0].size_m[0] = def.probe[0].size_m[1] = 1; // a laboratory's plate is wider than the specimen
+    }
     if (p->tool->shape != KN_PROBE_PLATE && compliance_m_n > 1e-9) def.probe[0].coupling_n_m = 1 / compliance_m_n;
     if (dt_s > def.solver.dt_s) def.solver.iterations_max = 100; // longer steps need more iterations
     def.solver.dt_s = dt_s;
@@ -120,7 +123,7 @@ static bool move(body *b, double from_m, double to_m, double dt_s, double *force
     in.probe[0].velocity_m_s[2] = (from_m - to_m) / dt_s;
     const bool good = kn_step(b->model, b->state, &in, &out) == KN_OK;
     // whole cells seldom have the area of the specimen
-    const double area = b->press->specimen.cells[0] > 0 ? c->area_m2 / (extent_m[0] * extent_m[1]) : 1;
+    const double area = kn_press_of_specimen(b->press) ? c->area_m2 / (extent_m[0] * extent_m[1]) : 1;
     *force_n = area * out.probe[0].force_n[2];
     return good;
 }
@@ -130,7 +133,8 @@ static bool move(body *b, double from_m, double to_m, double dt_s, double *force
 static bool press(body *b, double touch, double compliance, double dt, double *force_n)
 {
     const kn_curve *c = b->press->curve;
-    const path way = {c, touch, b->press->tool->shape == KN_PROBE_PLATE ? compliance : 0, first_speed(c)};
+    const bool gives = b->press->tool->shape == KN_PROBE_PLATE && !kn_press_of_specimen(b->press);
+    const path way = {c, touch, gives ? compliance : 0, first_speed(c)};
     const double begin = touch_s(&way);
     double before = 0, force = 0, low_s = begin, low_m = 0;
     int next = 0; // first reading whose force is not yet known
@@ -166,7 +170,7 @@ static void *work(void *of)
     job *j = of;
     const kn_served_lattice *specimen = &j->press->specimen;
     const kn_curve *c = j->press->curve;
-    const bool block = j->search && specimen->cells[0] > 0;
+    const bool block = j->search && kn_press_of_specimen(j->press);
     if (c->kind == KN_CURVE_CREEP) {
         j->good = block ? kn_affine_block_creep(&specimen->structure, j->material, c, c->count, c->time_s, j->force_n)
                         : kn_served_lattice_creep(specimen, j->material, c, j->force_n);
@@ -324,7 +328,8 @@ static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
     *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .high = 1, .fixed = true};
     for (int i = 0; i < c->count; i++) {
         p->sigma_n[i] = hypot(c->noise / sqrt(c->weight[i]), 5e-3 * most);
-        if (c->kind == KN_CURVE_CREEP || i <= peak || p->tool->adhesion_pa > 0 || c->value[i] > -3 * c->noise) continue;
+        const bool pulls = p->tool->adhesion_pa > 0 && !kn_press_of_specimen(p); // the block cannot
+        if (c->kind == KN_CURVE_CREEP || i <= peak || pulls || c->value[i] > -3 * c->noise) continue;
         p->sigma_n[i] = INFINITY;
         p->pull_n_s -= c->value[i] * (c->time_s[i] - c->time_s[i - 1]);
     }
@@ -414,7 +419,7 @@ static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double
     memset(moved, 0, sizeof moved);
     for (int k = 0, from = 0; k < s->fit->fitted; from += s->fit->press[k++].curve->count) {
         kn_press_record *p = &s->fit->press[k];
-        if (p->specimen.cells[0] > 0) continue;
+        if (kn_press_of_specimen(p)) continue;
         *trial = *best;
         trial->misfit = misfit_straight, trial->of = &model;
         trial->jacobian = NULL, trial->coarse = trial->concurrent = false;
@@ -442,7 +447,7 @@ static void jackknife(const search *s, kn_fit *best, kn_fit *trial, const double
             double spread = 0, *to = &best->covariance[a][b];
             const double noise = *to * best->scale * best->scale;
             for (int k = 0; k < s->fit->fitted; k++)
-                if (s->fit->press[k].specimen.cells[0] == 0)
+                if (!kn_press_of_specimen(&s->fit->press[k]))
                     spread += (count - 1.0) / count * (moved[k][a] - mean[a]) * (moved[k][b] - mean[b]);
             *to = a == b && !(spread > noise) ? noise
                                               : spread; // presses that happen to agree tell no more than their noise
@@ -627,12 +632,23 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
     double value[KN_FIT_UNKNOWNS];
     if (!(fit->resumed || search_from_starts(best))) return false;
     s->keeps = true;
-    for (int round = 0; round < 2; round++) {
+    kn_fit_unknown kept[KN_FIT_UNKNOWNS];
+    const int rounds = fit->replicates < fit->fitted ? 4 : 2;
+    double least = INFINITY;
+    for (int round = 0; round <= rounds; round++) {
         kn_fit_values(best, value);
         if (!shift_to_served(s, value, residual)) return false;
         double sum = 0;
         for (int i = 0; i < s->readings; i++) sum += pow(residual[i] + s->shift[i], 2);
-        if (round > 0 && fabs(sum / best->sum - 1) < 1e-3) break;
+        if (!(sum < least)) { // the shift has led away
+            memcpy(best->unknown, kept, sizeof kept);
+            kn_fit_values(best, value);
+            if (!shift_to_served(s, value, residual) || !kn_lattice_fit(best)) return false;
+            break;
+        }
+        least = sum;
+        memcpy(kept, best->unknown, sizeof kept);
+        if (round == rounds || (round > 0 && fabs(sum / best->sum - 1) < 1e-3)) break;
         if (!kn_lattice_fit(best)) return false;
     }
     // the search for the ends of the intervals may meet a better fit: then go on there
@@ -644,7 +660,7 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
         if (!misfit(s, value, residual)) return false;
         best->sum = kn_fit_squares(residual, s->readings); // the shift may have changed since the fit
         // a scale below 1 is chance, or the readings come from a lattice
-        scale = fmax(fit->replicates > 1 ? best->scale : widened(best, residual), 1);
+        scale = fmax(fit->replicates > 1 && fit->replicates == fit->fitted ? best->scale : widened(best, residual), 1);
         const int done = kn_profile_run(best, residual, scale, TOUCH, found);
         if (done < 0) return false;
         for (int u = 0; u < TOUCH; u++) join(&interval[u], &found[u], turn == 0);
@@ -696,20 +712,23 @@ int kn_press_fit_run(kn_press_fit *fit)
         kn_fit_unknown *touch = &best.unknown[TOUCH + k];
         if (!prepare(&fit->press[k], touch)) return kn_complain(fit->subcommand, KN_EXIT_INTERNAL, "out of memory");
         touch->fixed |= k >= fit->fitted;
-        if (k < fit->fitted) s.readings += c->count, fit->replicates += fit->press[k].specimen.cells[0] == 0;
+        if (k < fit->fitted) s.readings += c->count, fit->replicates += !kn_press_of_specimen(&fit->press[k]);
         for (int i = 0; i < c->steps; i++) highest_pa = fmax(highest_pa, c->step[i].stress_pa);
         if (c->kind == KN_CURVE_CREEP) continue;
         // the stress in an edge is at most the whole force on the area of one node
         highest_pa = fmax(highest_pa, kn_curve_largest(c) / pow(fit->object->spacing_m, 2));
         // bound: the frame yields by at most 30 % of the way down
+        if (kn_press_of_specimen(&fit->press[k])) continue;
         const double yields = 0.3 * (c->other[peak_of(c)] - c->other[kn_curve_touch(c)]) / kn_curve_largest(c);
         kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
-        frame->high = k == 0 ? yields : fmin(frame->high, yields);
+        frame->high = frame->high > 0 ? fmin(frame->high, yields) : yields;
     }
     kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
     const bool given = !isnan(fit->compliance_m_n);
-    *frame = (kn_fit_unknown){.name = "frame", .unit = "m/N", .linear = true, .high = frame->high, .fixed = given};
-    frame->value = given ? fit->compliance_m_n : 0.03 * frame->high;
+    const bool shown = frame->high > 0; // by a press of the object
+    *frame = (kn_fit_unknown){
+        .name = "frame", .unit = "m/N", .linear = true, .high = shown ? frame->high : 1, .fixed = given || !shown};
+    frame->value = given ? fit->compliance_m_n : shown ? 0.03 * frame->high : 0;
     best.readings = s.readings;
     best.jacobian = calloc((size_t)best.unknowns * (size_t)s.readings, sizeof *best.jacobian);
     double *residual = calloc(2 * (size_t)s.readings, sizeof *residual);
@@ -729,11 +748,10 @@ int kn_press_fit_run(kn_press_fit *fit)
         kn_progress_close(&s.bar);
         if (kn_interrupted) code = KN_EXIT_FAILED; // the caller ends the process
         else if (!good)
-            code =
-                kn_complain(fit->subcommand, KN_EXIT_USAGE,
-                            "%s: no material lets this lattice follow the press; expected a tool and an object as they "
-                            "were measured, and a press that the lattice can bear",
-                            fit->press[0].curve->file);
+            code = kn_complain(fit->subcommand, KN_EXIT_USAGE,
+                               "%s%s: no material lets this lattice follow; expected a tool and an object as they were "
+                               "measured, and presses that the lattice can bear",
+                               fit->press[0].curve->file, fit->presses > 1 ? " and others" : "");
     }
     free(best.jacobian);
     free(residual);

@@ -22,7 +22,9 @@
 // spring. The unknowns are freed in stages.
 //
 // A record can be of a specimen between plates: a press by a plate, or creep, whose strains are then compared. The search
-// takes a specimen for an affine block (affine_block.h), and the shift is the difference from its lattice.
+// computes a specimen as an affine block (affine_block.h), which is fast, and shifts the residuals by the difference from
+// the specimen's lattice, up to four times. The plate holds the top of that lattice, unless its surface is `slides`. The
+// compliance is not applied to specimens: their heights are those between the plates.
 //
 // The intervals are profiles (profile_interval.h), wider if neighbouring residuals are alike. With two presses of the object
 // or more, they also cover the spread between these. The fit is repeated without each press in turn (by the linearised model, which
@@ -34,9 +36,8 @@
 typedef struct kn_press_record {
     const kn_curve *curve; // a press, or the creep of a specimen under a level plate
     const kn_probe_def *tool;
-    // cells[0] > 0: the object is not that of the fit, but a specimen on a table without friction, under a plate
-    kn_served_lattice specimen;
-    // results. Of a creep, the strain stands where a press has the force: in model_n, band_n, sigma_n [1]
+    kn_served_lattice specimen; // its structure, cells and spacing; cells[0] 0: the record is of the object
+    // results; of a creep, model_n, band_n and sigma_n are strains, without a unit
     double touch_m; // reading of depth at which the tool touches
     double left;    // rms difference between the lattice's force and the readings, share of the largest force
     double lone;    // the same for the fit without this press of the object; NAN: there is no such fit
@@ -48,10 +49,14 @@ typedef struct kn_press_record {
 
 #define KN_PRESS_FIT_MARK "knead identify press " // begins the file of an interrupted fit
 
+// Return whether a record is of a specimen, not of the object of the fit.
+static inline bool kn_press_of_specimen(const kn_press_record *press) { return press->specimen.cells[0] > 0; }
+
 typedef struct kn_press_fit {
     const char *subcommand;
-    const kn_model_def *
-        object; // a block that is pressed, if not a specimen; its material is the start of the search if its damper depends on the force
+    // the block that is pressed; specimens have its structure. Its material is the start of the search if its damper
+    // depends on the force
+    const kn_model_def *object;
     // press[0..fitted-1] are fitted, at least one; the others are only predicted, but for their places of touch
     int presses, fitted;
     kn_press_record press[KN_CURVES_MAX]; // [presses]

@@ -29,6 +29,7 @@ void kn_served_lattice_shape(const kn_served_lattice *served, kn_model_def *def)
     memset(def->fine, 0, sizeof def->fine);
     def->support = KN_SUPPORT_FRICTIONLESS;
     def->gravity_m_s2 = 0;
+    def->force_factor = 1; // coarse cells are too stiff under a small tool, not under a plate on all of them
 }
 
 static kn_model *make_lattice(const kn_served_lattice *served, const kn_material *material)
@@ -237,13 +238,6 @@ static bool run_lattice(search *s, const kn_material *material, double left[KN_C
     return good;
 }
 
-static double mean_square(int count, const double *x)
-{
-    double sum = 0;
-    for (int i = 0; i < count; i++) sum += x[i] * x[i];
-    return sum / count;
-}
-
 // The search begins with the parameters of the element. P1 stays below WIDEST times the largest measured stress, since
 // readings beyond it do not exist.
 #define WIDEST 1.5
@@ -326,7 +320,7 @@ static bool improve(kn_served_lattice *served, search *s, kn_fit *fit, kn_progre
         kn_fit_values(&next, value);
         const kn_material material = kn_lattice_material(value, s->constant);
         if (!run_lattice(s, &material, left)) break;
-        const double now = mean_square(s->curves, left), before = best;
+        const double now = kn_fit_squares(left, s->curves), before = best;
         if (now < best) {
             best = now;
             *fit = next;

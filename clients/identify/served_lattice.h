@@ -37,10 +37,10 @@ void kn_lattice_numbers(kn_parameter_estimate number[KN_ESTIMATE_NUMBERS], const
 
 typedef struct kn_served_lattice {
     kn_affine_structure structure;
-    int cells[2];               // cells of the lattice along the specimen's width and height
-    double spacing_m;           // side of a cell
-    const kn_model_def *object; // block whose edges and gas the lattice has; NULL: of `structure`
-    kn_material material;       // parameters of the lattice's edges
+    int cells[2];                                      // cells of the lattice along the specimen's width and height
+    double spacing_m;                                  // side of a cell
+    const kn_model_def *object;                        // take edges and gas from this block; NULL: from `structure`
+    kn_material material;                              // parameters of the lattice's edges
     kn_parameter_estimate number[KN_ESTIMATE_NUMBERS]; // the same, with intervals by the curvature of the last round
     // root mean square difference between the lattice's strain and the readings of each curve, as a share of the
     // largest measured strain; before: of the block, with the parameters of the element
@@ -52,7 +52,7 @@ typedef struct kn_served_lattice {
 // is a cube of 1 cm. Return false if the specimen has fewer than 2 or more than KN_SERVED_CELLS_MAX cells along a side.
 bool kn_served_lattice_cut(kn_served_lattice *served, const kn_curve *curve, double spacing_m);
 
-// Give a block the cells of the specimen, on a table without friction, and no weight.
+// Give a block the cells of the specimen, on a table without friction, and no gravity.
 void kn_served_lattice_shape(const kn_served_lattice *served, kn_model_def *def);
 
 // Compute what the affine block of a structure leaves on a curve: the root mean square difference of its strain from the

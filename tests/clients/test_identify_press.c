@@ -307,9 +307,8 @@ NIGHT_TEST(
     measure_cube(kn_relax_main, "--strain 30% --ramp 20%/s --hold 3", "%lg,%*g,%lg,%*g,%*g,%lg", true, "relax.csv",
                  "# tool: plate\ntime_s,depth_mm,force_N");
     PRESS(0, "",
-          "slow.csv --creep creep.csv --held relax.csv --held fast.csv --object block.yaml --tool ball --compliance '0 "
-          "mm/N' --out "
-          "both.yaml --csv both.csv --png both.png --json");
+          "slow.csv --creep creep.csv --held relax.csv --object block.yaml --tool ball --compliance '0 mm/N' "
+          "--out both.yaml --csv both.csv --png both.png --json");
     load_results();
     for (int i = 0; i < 6; i++) {
         const json_t *n = number_of(name[i]);
@@ -336,8 +335,12 @@ TEST("bad input is refused in one line that says what to do")
     write_text("still.csv", "time_s,force_N,depth_mm\n@20 0+1,1+1,3\n");
     write_text("rises.csv", "time_s,force_N,height_mm\n@20 0+1,1+1,3+1\n");
     write_text("toolless.yaml", "probes: []\n");
-    write_text("specimen.csv", "# height: 2 cm\n# area: 4 cm^2\ntime_s,force_N,depth_mm\n@20 0+1,1+1,1+1\n");
-    write_text("cube.csv", "# load: 10 gf\n# height: 1 cm\n# area: 1 cm^2\ntime_s,strain\n@20 1+1,0.1+0.01\n");
+    write_text("specimen.csv", "# height: 2 cm\n# area: 4 cm^2\ntime_s,force_N,depth_mm\n@20 0+1,1+1,0.1+0.1\n");
+    write_text("alone.csv", "# height: 2 cm\ntime_s,force_N,depth_mm\n@20 0+1,1+1,1+1\n");
+    write_text("own.csv", "# tool: ball\ntime_s,force_N,depth_mm\n@20 0+1,1+1,0.1+0.1\n");
+    write_text("slip.csv", "# load: 10 gf\n# height: 2 cm\n# area: 4 mm^2\ntime_s,strain\n@20 1+1,0.1+0.01\n");
+    write_text("sized.csv", "# stress: 1 kPa\ntime_s,strain\n@20 1+1,0.1+0.01\n");
+    write_text("compliance.csv", "time_s,compliance_1/Pa\n@20 1+1,0.001+0.0001\n");
     write_text("small.yaml", "probes:\n  - {name: pea, shape: sphere, radius: 2 mm}\n");
     const char *const bad[][2] = {
         {"expected --object SCENE, the scene of the object that was pressed", "slow.csv --tool ball"},
@@ -354,10 +357,19 @@ TEST("bad input is refused in one line that says what to do")
         {"still.csv:2:", "still.csv --object block.yaml --tool ball"},
         {"rises.csv:21:1: the height rises as the force does, expected one that falls, or a column named depth",
          "rises.csv --object block.yaml --tool ball"},
-        {"specimen.csv: has the height and area of a specimen, but the tool 'ball' is no plate",
+        {"specimen.csv: has the height and area of a specimen, but the tool 'ball' is no plate as wide as that",
          "specimen.csv --object block.yaml --tool ball"},
-        {"cube.csv: cells of 10 mm as in block.yaml do not fit the specimen, expected a spacing for 2 to 8 cells",
-         "slow.csv --creep cube.csv --object block.yaml --tool ball"},
+        {"alone.csv: the note '# height:' stands alone, expected height and area of a specimen, or neither",
+         "alone.csv --object block.yaml --tool plate"},
+        {"slip.csv: a specimen of 2 mm width and 20 mm height, expected one that is between 3 times as wide as high",
+         "slow.csv --creep slip.csv --object block.yaml --tool ball"},
+        {"compliance.csv: the stress of this compliance is not known",
+         "slow.csv --creep compliance.csv --object block.yaml "
+         "--tool ball"},
+        {"--load, --stress, --height, --area and --release are of creep: expected --creep FILE with them",
+         "slow.csv --object block.yaml --tool ball --height 2cm"},
+        {"expected a press beside --creep", "--creep slip.csv --object block.yaml --tool ball"},
+        {"specimen.csv: the tool is not known", "own.csv --creep sized.csv --held specimen.csv --object block.yaml"},
         {"expected a file of readings", "--held slow.csv --object block.yaml --tool ball"},
         {"slow.csv and slow.csv are one file", "slow.csv --held slow.csv --object block.yaml --tool ball"},
         {"bun.yaml: the object is a mesh, expected a block",
