@@ -18,11 +18,19 @@
 // the end of the step, with the law of core/law.h in each kind of edge and the gas of core/cell.h.
 #include "clients/identify/measured_curve.h"
 #include "core/law.h"
+#include "core/model.h"
 
 typedef struct kn_affine_structure {
     double diagonal; // ratio of a diagonal's stiffness to a side's (object.diagonal_stiffness)
     double gas_pa;   // pressure of the gas in each cell at rest (object.inside_pressure); 0: no gas
 } kn_affine_structure;
+
+// Return the structure of a block of the lattice.
+static inline kn_affine_structure kn_affine_structure_of(const kn_model_def *def)
+{
+    return (kn_affine_structure){def->structure == KN_STRUCTURE_DIAGONALS ? def->diagonal_stiffness : 0,
+                                 def->pressure != KN_PRESSURE_NONE ? def->inside_pressure_pa : 0};
+}
 
 #define KN_AFFINE_EDGES 5
 

@@ -417,9 +417,7 @@ static lateness late_at_first(const kn_curve *c)
     const double at_s = kn_strain_onset(c->count, c->time_s, c->value, c->noise, &least_s);
     if (!(least_s > 0)) return (lateness){0, 0};
     const double release_s = kn_creep_release(c);
-    int peak = 0;
-    for (int i = 0; i < c->count; i++)
-        if (c->value[i] > c->value[peak]) peak = i;
+    const int peak = kn_curve_peak(c);
     const bool as_noted = fabs(c->time_s[peak] - release_s) < fabs(c->time_s[peak] - release_s - at_s);
     return (lateness){at_s, as_noted ? -at_s : 0};
 }

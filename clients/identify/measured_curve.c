@@ -362,9 +362,7 @@ static int keep_hold(kn_curve_file *f, kn_curve *c)
 // is the time of the largest stress; otherwise it is the result of kn_curve_begin.
 static double begin_of_hold(const kn_curve_file *f, const kn_curve *c)
 {
-    int peak = 0;
-    for (int i = 0; i < c->count; i++)
-        if (c->value[i] > c->value[peak]) peak = i;
+    const int peak = kn_curve_peak(c);
     if (isfinite(f->begin_s) || c->value[0] > 0.8 * c->value[peak] || c->count - peak < KN_CURVE_LEAST)
         return kn_curve_begin(f, c);
     kn_curve_say(
@@ -536,9 +534,7 @@ static int load_sweep(kn_curve_file *f)
 static int to_depth(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
 {
     const double first = c->other[0];
-    int peak = 0;
-    for (int i = 0; i < c->count; i++)
-        if (c->value[i] > c->value[peak]) peak = i;
+    const int peak = kn_curve_peak(c);
     const bool falls = c->other[peak] < first;
     if (c->other[peak] > first && what == KN_HEIGHT)
         return kn_curve_refuse(f, c->line[peak], -1,
@@ -559,12 +555,9 @@ static double touching_n(const kn_curve *c)
 int kn_curve_touch(const kn_curve *c)
 {
     const double least_n = touching_n(c), *v = c->value;
-    int peak = 0;
     for (int i = 0; i + 2 < c->count; i++)
         if (v[i] > least_n && v[i + 1] > least_n && v[i + 2] > least_n) return i;
-    for (int i = 0; i < c->count; i++)
-        if (v[i] > v[peak]) peak = i;
-    return peak;
+    return kn_curve_peak(c);
 }
 
 // Leave out most of the readings before and after the touch. The tenth of the press that stays on either side shows the
@@ -572,14 +565,14 @@ int kn_curve_touch(const kn_curve *c)
 static int cut_air(kn_curve_file *f, kn_curve *c)
 {
     const double most = kn_curve_largest(c);
-    int before = 0, after = 0, peak = 0;
+    const int peak = kn_curve_peak(c);
+    int before = 0, after = 0;
     double sum = 0, deepest = -INFINITY;
     if (!(most > 0)) return kn_curve_refuse(f, c->line[0], -1, "no force above 0, expected a press");
     c->noise = kn_curve_noise(c->count, c->time_s, c->value);
     const int first = kn_curve_touch(c);
     int last = c->count - 1;
     while (last > first && !(fabs(c->value[last]) > touching_n(c) && fabs(c->value[last - 1]) > touching_n(c))) last--;
-    while (c->value[peak] < most) peak++;
     // near the touch the force may already rise
     for (int i = 0; i < first / 2; i++) sum += c->value[i] / (first / 2);
     for (int i = 0; i < c->count; i++) deepest = fmax(deepest, c->other[i]);

@@ -16,9 +16,8 @@
 //
 // Notes are lines "# key: value" anywhere in a file. The keys are load, stress, height, area, strain, release (the time
 // at which the load was removed), begin (creep: the time at which the load was applied; relax: the time at which the
-// strain was reached) and section. The only value of section is "constant". The options apply to all files, but of a press
-// the size comes from its notes only. The notes
-// of a file override the options for that file.
+// strain was reached) and section. The only value of section is "constant". The options apply to all files, except that
+// the size of a pressed specimen comes from its notes only. The notes of a file override the options for that file.
 //
 // A reading is left out if it is missing, or if it was taken before the load or while the load changed. Readings of the
 // same time are averaged. If there are more than KN_CURVE_READINGS readings, they are thinned: neighbours become one
@@ -73,6 +72,7 @@ typedef struct kn_curve {
     // uses sigma_i = noise/sqrt(weight_i). In a sweep `noise` is the standard deviation of ln(value) and ln(other),
     // since a modulus spans decades.
     double noise;
+    double height_m, area_m2; // creep, relax, press: size of the specimen; 0: not stated
     // the next fields are for creep curves only
     int steps;                          // number of load steps
     kn_curve_step step[KN_CURVE_STEPS]; // load steps; step[0] is at time 0; a stress of 0 Pa means no load
@@ -80,7 +80,6 @@ typedef struct kn_curve {
     bool unknown_stress;                // a compliance whose stress is not stated: step[0] is then 1 Pa
     // the next fields are for relaxation curves only
     double strain;            // the strain that is held; 0: the strain is unknown, and value[] holds a modulus
-    double height_m, area_m2; // creep, relax, press: size of the specimen; 0: not stated
     double begin_s;           // time at which the held strain was reached; 0 if time is counted from that moment
     char tool[KN_CURVE_NAME]; // press: value of the note tool; "" if the file has none
 } kn_curve;
@@ -111,6 +110,7 @@ void kn_curve_free(kn_curve *curve);
 // never 0.
 double kn_curve_noise(int count, const double *time_s, const double *value);
 
+int kn_curve_peak(const kn_curve *curve); // return the index of the largest entry of value[], the first of equal ones
 double kn_curve_largest(const kn_curve *curve); // return the largest entry of value[], or 0 if all are negative
 
 // Return the first reading of a press whose force is more than noise. The two readings that follow it have such a force,

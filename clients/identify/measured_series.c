@@ -264,6 +264,14 @@ double kn_largest_magnitude(int count, const double *value)
     return most;
 }
 
+int kn_curve_peak(const kn_curve *c)
+{
+    int peak = 0;
+    for (int i = 0; i < c->count; i++)
+        if (c->value[i] > c->value[peak]) peak = i;
+    return peak;
+}
+
 double kn_curve_largest(const kn_curve *c)
 {
     double most = 0;

@@ -111,7 +111,7 @@ static int cut_specimen(kn_identification *w, const kn_model_def *object, int pr
     kn_press_record *p = &w->press.press[press];
     const char *sub = w->opt.subcommand;
     kn_curve c = w->curve[press];
-    const bool creep = c.kind == KN_CURVE_CREEP, gas = object->pressure != KN_PRESSURE_NONE;
+    const bool creep = c.kind == KN_CURVE_CREEP;
     if (!creep && (c.height_m > 0) != (c.area_m2 > 0))
         return kn_complain(sub, KN_EXIT_USAGE,
                            "%s: the note '# %s:' stands alone, expected height and area of a specimen, or "
@@ -128,8 +128,7 @@ static int cut_specimen(kn_identification *w, const kn_model_def *object, int pr
     const double wide_m = c.area_m2 > 0 ? sqrt(c.area_m2) : c.height_m;
     const double most_m = 0.5 * fmin(wide_m, c.height_m), least_m = fmax(wide_m, c.height_m) / KN_SERVED_CELLS_MAX;
     p->specimen.object = object;
-    p->specimen.structure.diagonal = object->structure == KN_STRUCTURE_DIAGONALS ? object->diagonal_stiffness : 0;
-    p->specimen.structure.gas_pa = gas ? object->inside_pressure_pa : 0;
+    p->specimen.structure = kn_affine_structure_of(object);
     if (!kn_served_lattice_cut(&p->specimen, &c, fmin(fmax(object->spacing_m, 1.01 * least_m), most_m)))
         return kn_complain(sub, KN_EXIT_USAGE,
                            "%s: a specimen of %.3g mm width and %.3g mm height, expected one that is "

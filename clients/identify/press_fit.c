@@ -307,24 +307,17 @@ static bool misfit_straight(void *of, const double value[KN_FIT_UNKNOWNS], doubl
 
 // ---- the start
 
-static int peak_of(const kn_curve *c)
-{
-    int peak = 0;
-    for (int i = 0; i < c->count; i++)
-        if (c->value[i] > c->value[peak]) peak = i;
-    return peak;
-}
-
 // Set sigma, leave out the pull that the tool cannot give, and guess the place of touch with its bounds.
 static bool prepare(kn_press_record *p, kn_fit_unknown *touch)
 {
     const kn_curve *c = p->curve;
     const double most = kn_curve_largest(c);
-    const int peak = peak_of(c);
+    const int peak = kn_curve_peak(c);
     p->lone = NAN;
     p->sigma_n = calloc(3 * (size_t)c->count, sizeof *p->sigma_n);
     if (!p->sigma_n) return false;
     p->model_n = p->sigma_n + c->count, p->band_n = p->model_n + c->count;
+    // a range above 0 even if it is fixed, since a profile divides by it
     *touch = (kn_fit_unknown){.name = "touch", .unit = "m", .linear = true, .high = 1, .fixed = true};
     for (int i = 0; i < c->count; i++) {
         p->sigma_n[i] = hypot(c->noise / sqrt(c->weight[i]), 5e-3 * most);
@@ -632,22 +625,29 @@ static bool solve(search *s, kn_fit *best, kn_fit *trial, double *residual)
     double value[KN_FIT_UNKNOWNS];
     if (!(fit->resumed || search_from_starts(best))) return false;
     s->keeps = true;
+    // the best values so far with the shift of their fit, and the shift of the present values' fit
     kn_fit_unknown kept[KN_FIT_UNKNOWNS];
+    double *kept_shift = s->shift + s->readings, *fitted = kept_shift + s->readings;
+    const size_t bytes = (size_t)s->readings * sizeof *s->shift;
     const int rounds = fit->replicates < fit->fitted ? 4 : 2;
     double least = INFINITY;
     for (int round = 0; round <= rounds; round++) {
         kn_fit_values(best, value);
+        memcpy(fitted, s->shift, bytes);
         if (!shift_to_served(s, value, residual)) return false;
         double sum = 0;
         for (int i = 0; i < s->readings; i++) sum += pow(residual[i] + s->shift[i], 2);
-        if (!(sum < least)) { // the shift has led away
+        if (!(sum < least)) {
+            if (round == 0) return false;
+            // the last shift has led away: back to the values before it, and to the shift with which they were fitted
             memcpy(best->unknown, kept, sizeof kept);
-            kn_fit_values(best, value);
-            if (!shift_to_served(s, value, residual) || !kn_lattice_fit(best)) return false;
+            memcpy(s->shift, kept_shift, bytes);
+            if (!kn_lattice_fit(best)) return false;
             break;
         }
         least = sum;
         memcpy(kept, best->unknown, sizeof kept);
+        memcpy(kept_shift, fitted, bytes);
         if (round == rounds || (round > 0 && fabs(sum / best->sum - 1) < 1e-3)) break;
         if (!kn_lattice_fit(best)) return false;
     }
@@ -719,7 +719,7 @@ int kn_press_fit_run(kn_press_fit *fit)
         highest_pa = fmax(highest_pa, kn_curve_largest(c) / pow(fit->object->spacing_m, 2));
         // bound: the frame yields by at most 30 % of the way down
         if (kn_press_of_specimen(&fit->press[k])) continue;
-        const double yields = 0.3 * (c->other[peak_of(c)] - c->other[kn_curve_touch(c)]) / kn_curve_largest(c);
+        const double yields = 0.3 * (c->other[kn_curve_peak(c)] - c->other[kn_curve_touch(c)]) / kn_curve_largest(c);
         kn_fit_unknown *frame = &best.unknown[COMPLIANCE];
         frame->high = frame->high > 0 ? fmin(frame->high, yields) : yields;
     }
@@ -731,7 +731,7 @@ int kn_press_fit_run(kn_press_fit *fit)
     frame->value = given ? fit->compliance_m_n : shown ? 0.03 * frame->high : 0;
     best.readings = s.readings;
     best.jacobian = calloc((size_t)best.unknowns * (size_t)s.readings, sizeof *best.jacobian);
-    double *residual = calloc(2 * (size_t)s.readings, sizeof *residual);
+    double *residual = calloc(4 * (size_t)s.readings, sizeof *residual);
     s.shift = residual ? residual + s.readings : NULL;
     s.bar = kn_progress_open(fit->subcommand, 100);
     int code = KN_EXIT_OK;

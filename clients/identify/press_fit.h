@@ -26,9 +26,10 @@
 // the specimen's lattice, up to four times. The plate holds the top of that lattice, unless its surface is `slides`. The
 // compliance is not applied to specimens: their heights are those between the plates.
 //
-// The intervals are profiles (profile_interval.h), wider if neighbouring residuals are alike. With two presses of the object
-// or more, they also cover the spread between these. The fit is repeated without each press in turn (by the linearised model, which
-// costs nothing), and the jackknife gives the covariance. These repeated fits also predict the press that was left out.
+// The intervals are profiles (profile_interval.h), wider if neighbouring residuals are alike. With two or more presses of
+// the object, they also cover the spread between these. The fit is repeated without each of them in turn (by the
+// linearised model, which costs nothing), and the jackknife gives the covariance. These repeated fits also predict the
+// press that was left out.
 #include "clients/identify/served_lattice.h"
 #include "core/model.h"
 #include <stdint.h>

@@ -13,7 +13,6 @@
 // the best round.
 #include "clients/identify/affine_block.h"
 #include "clients/identify/creep_fit.h"
-#include "core/model.h"
 
 // ---- the unknowns of a lattice's material
 //

@@ -126,8 +126,7 @@ static void print_springs(const kn_model *model)
     if (def->mesh || def->nodes[1] == 1 || def->structure != KN_STRUCTURE_DIAGONALS || !(def->material.k1_pa > 0))
         return;
     const kn_material spring = {.k1_pa = def->material.k1_pa, .damper = KN_DAMPER_NONE};
-    const kn_affine_structure structure = {model->grid.diagonal,
-                                           def->pressure == KN_PRESSURE_NONE ? 0 : def->inside_pressure_pa};
+    const kn_affine_structure structure = kn_affine_structure_of(def);
     const double stress_pa = 1e-3 * spring.k1_pa;
     kn_affine_block block;
     kn_affine_block_init(&block, &spring, &structure);
