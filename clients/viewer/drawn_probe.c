@@ -74,8 +74,7 @@ static frame frame_within(const frame *tool, const kn_solid *part)
     return f;
 }
 
-// Upload a mesh tool when it is first seen. If memory is short, the tool has no triangles and is not drawn.
-static void load_mesh(kn_drawn_shapes *t, int probe, const kn_field *f)
+float *kn_drawn_probe_corners(const kn_field *f)
 {
     float(*x)[3] = malloc((size_t)f->vertex_count * sizeof *x);
     float *corners = malloc((size_t)f->triangle_count * 18 * sizeof *corners);
@@ -84,16 +83,22 @@ static void load_mesh(kn_drawn_shapes *t, int probe, const kn_field *f)
     kn_shaded_mesh *mesh = x && corners ? kn_shaded_mesh_create(f->vertex_count, (const float(*)[3])x,
                                                                 f->triangle_count, (const int(*)[3])f->triangle)
                                         : NULL;
-    if (t->mesh[probe].array == 0) t->mesh[probe] = kn_gl_mesh_create(t->gl);
+    if (mesh) kn_shaded_mesh_corners(mesh, (const float(*)[3])x, corners);
+    if (!mesh) free(corners), corners = NULL;
+    kn_shaded_mesh_destroy(mesh);
+    free(x);
+    return corners;
+}
+
+// Upload a mesh tool when it is first seen. If memory is short, the tool has no triangles and is not drawn.
+static void load_mesh(kn_drawn_shapes *t, int probe, const kn_field *f)
+{
+    float *corners = kn_drawn_probe_corners(f);
+    if (!t->mesh[probe].array) t->mesh[probe] = kn_gl_mesh_create(t->gl);
     t->mesh[probe].corners = 0;
     t->hash[probe] = f->hash;
-    if (mesh) {
-        kn_shaded_mesh_corners(mesh, (const float(*)[3])x, corners);
-        kn_gl_mesh_upload(t->gl, &t->mesh[probe], 3 * f->triangle_count, corners, GL_STATIC_DRAW);
-    }
-    kn_shaded_mesh_destroy(mesh);
+    if (corners) kn_gl_mesh_upload(t->gl, &t->mesh[probe], 3 * f->triangle_count, corners, GL_STATIC_DRAW);
     free(corners);
-    free(x);
 }
 
 // Upload the mesh of a probe if another mesh, or none, is in OpenGL's memory. Two meshes are compared by their hashes.
@@ -156,8 +161,7 @@ int kn_drawn_probe_solids(const kn_drawn_shapes *t, const kn_view_probe *p, kn_d
     return count;
 }
 
-// Return the height of the tool's upper end above the tool's origin, m.
-static double height_of(const kn_probe_def *def)
+double kn_drawn_probe_height(const kn_probe_def *def)
 {
     kn_shape shape = {0};
     if (def->shape == KN_PROBE_PLATE) return PLATE_THICKNESS_M;
@@ -176,7 +180,7 @@ kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *p, float square_m)
     const frame f = frame_of(p);
     const bool pull = kn_dotf(a.direction, f.axis[2]) < 0;
     for (int i = 0; i < 3; i++) {
-        a.tail[i] = f.at[i] + (float)height_of(&p->def) * f.axis[2][i];
+        a.tail[i] = f.at[i] + (float)kn_drawn_probe_height(&p->def) * f.axis[2][i];
         if (pull) a.tail[i] -= a.length * a.direction[i];
     }
     return a;

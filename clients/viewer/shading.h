@@ -4,6 +4,7 @@
 // the solids of probes (drawn_probe.c).
 #include "clients/viewer/camera.h"
 #include "clients/viewer/offscreen.h"
+#include "core/field.h"
 #include "core/shape.h"
 
 // ---- shaded mesh, triangles, programs: shading.c
@@ -66,6 +67,9 @@ void kn_gl_mesh_upload(const kn_gl *gl, kn_gl_mesh *mesh, int corners, const flo
 // the mesh stays empty.
 kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)[2], int segments);
 
+// Text of shaders.glsl, which both OpenGL 3.3 and WebGL 2 compile.
+extern const char kn_shader_text[];
+
 // Programs that OpenGL runs per vertex and per pixel.
 typedef struct kn_shader_programs {
     // depth: for the shadow map; solid: object and tools; table: the table near the object; bare: the part of the table
@@ -116,6 +120,11 @@ int kn_drawn_probe_solids(const kn_drawn_shapes *shapes, const kn_view_probe *pr
 // Return the force arrow of a probe. `square_m`: side of the squares drawn on the table, m.
 kn_drawn_arrow kn_drawn_probe_arrow(const kn_view_probe *probe, float square_m);
 
+// Return the corners of a tool that is a mesh, [triangle_count][3][6]: position and unit normal. The caller frees them.
+// Return NULL if memory is short.
+float *kn_drawn_probe_corners(const kn_field *field);
+// Return the height of the tool's upper end above the tool's origin, m.
+double kn_drawn_probe_height(const kn_probe_def *def);
 bool kn_drawn_probe_is_finite(const kn_view_probe *probe); // return true if all numbers of the pose are finite
 
 // Set `hand` to a copy of the probe at the pose of its hand and without force, so that the hand can be drawn like a
