@@ -115,8 +115,9 @@ def main():
     options = argparse.ArgumentParser()
     options.add_argument("--seconds", type=float, default=20, help="per row (20)")
     options.add_argument("--scene", default="dough-diagonals.yaml", help="of core/scenes (dough-diagonals.yaml)")
-    options.add_argument("--rate", default="30", help="pictures per second (30)")
-    options.add_argument("--size", default="800x450", help="of a picture (800x450)")
+    options.add_argument("--draw", choices=["mesh", "picture"], default="mesh",
+                         help="who draws: mesh: the browser, by WebGL; picture: knead web (mesh)")
+    options.add_argument("--size", default="800x450", help="of the drawing by the browser (800x450)")
     options.add_argument("--picture", metavar="/FILE", help="measure nothing: the page in a press, as PNG")
     o = options.parse_args()
     if o.picture and not os.path.isabs(o.picture):
@@ -124,25 +125,29 @@ def main():
     os.environ.setdefault("KN_REALTIME", "auto")
     model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "?")
     print(f"machine   {model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, {platform.release()}")
-    server, bus = Served(o.scene, "--rate", o.rate, "--size", o.size), Bus()
+    server, bus = Served(o.scene), Bus()
+    address = server.address.replace("/#", f"/?draw={'fine' if o.picture else o.draw}#")
     head = ("| pointer | events |   fps | p50 ms | p95 ms | p99 ms | web cpu % | browser | kneadd | rest | missed | "
             "unexplained |\n|---------|-------:|------:|-------:|-------:|-------:|----------:|--------:|-------:|-----:|"
             "-------:|------------:|")
     page = Browser()
-    if not page.open(server.address):
+    # The picture has two thirds of the window.
+    width, height = map(int, o.size.split("x"))
+    page.devtools("Emulation.setDeviceMetricsOverride", width=width * 3 // 2, height=height, deviceScaleFactor=1, mobile=False)
+    if not page.open(address):
         sys.exit("bench/web.py: the page draws nothing: " + page.text("status"))
     if o.picture:
         show(page, o.picture)
         page.driver.quit()
         return server.stop()
     print(f"browser   Chromium {page.driver.capabilities['browserVersion']}, headless, drawing in software\n"
-          f"scene     {o.scene}, {o.rate} pictures/s asked, {o.size}\n")
+          f"scene     {o.scene}, drawn by {'the browser' if o.draw == 'mesh' else 'knead web'}, {o.size}\n")
     paint_ms = page.run("return performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN")
     first_ms = page.run("return knead.first_ms")
     print(f"first paint {paint_ms:.0f} ms after the address was opened, the object drawn after {first_ms:.0f}\n\n{head}")
     page.driver.get("about:blank")
     alone(server, bus, o.seconds)
-    page.open(server.address)
+    page.open(address)
     measure("hovers", page, server, bus, o.seconds, press=False)
     measure("presses", page, server, bus, o.seconds, press=True)
     print("\nmissed: ticks of a million that were not run; unexplained: those for which the machine did not stand still")

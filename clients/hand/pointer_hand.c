@@ -229,23 +229,12 @@ static const double uneven_m = 2e-3; // largest unevenness of the top that a fla
 // Fraction of the object's height that must remain under the tool, because thinner cells turn inside out.
 static const double thinnest = 0.5;
 
-bool kn_pointer_hand_reach_open(kn_pointer_hand_reach *r, const kn_model_def *def, const kn_probe_def *tool,
-                                const kn_camera_view *view)
+bool kn_pointer_hand_reach_open(kn_pointer_hand_reach *r, const kn_model_def *def, const kn_probe_def *tool)
 {
     *r = (kn_pointer_hand_reach){.def = def, .tool = tool};
     r->top = kn_tool_height_top(def, &r->vertices);
     kn_model_def_extent(def, r->extent_m);
-    kn_pointer_hand_reach_look(r, view);
     return r->top != NULL;
-}
-
-void kn_pointer_hand_reach_look(kn_pointer_hand_reach *r, const kn_camera_view *view)
-{
-    // The camera looks at the box of the undeformed object, which stands centred on z = 0.
-    float low[3] = {0}, high[3];
-    for (int i = 0; i < 3; i++) high[i] = (float)(r->extent_m[i] * (i == 2 ? 1.0 : 0.5));
-    for (int i = 0; i < 2; i++) low[i] = -high[i];
-    kn_camera_look(&r->camera, low, high, view);
 }
 
 void kn_pointer_hand_reach_close(kn_pointer_hand_reach *r)
@@ -266,14 +255,16 @@ void kn_pointer_hand_reach_hover(const kn_pointer_hand_reach *r, const kn_mesh *
     wish->hover_z_m = highest_m + kn_tool_height_m(r->tool) + hover_m;
 }
 
-void kn_pointer_hand_reach_aim(const kn_pointer_hand_reach *r, double u, double v, kn_pointer_hand_wish *wish)
+void kn_pointer_hand_reach_aim(const kn_pointer_hand_reach *r, const float eye_m[3], const float sight[3],
+                               kn_pointer_hand_wish *wish)
 {
-    double at_m[2];
-    // Find the point under the pointer in the plane of the top, and keep it near the object.
-    if (!kn_camera_pick(&r->camera, u, v, r->extent_m[2], at_m)) return;
+    // Distance to the plane of the top along the line, in lengths of `sight`. Not finite: the line is parallel to it.
+    const double far = (r->extent_m[2] - (double)eye_m[2]) / (double)sight[2];
+    if (!(far > 0) || !isfinite(far)) return;
+    // Keep the point under the pointer near the object.
     for (int i = 0; i < 2; i++) {
         double most_m = 0.5 * r->extent_m[i] + beside_m;
-        wish->at_m[i] = fmin(fmax(at_m[i], -most_m), most_m);
+        wish->at_m[i] = fmin(fmax((double)eye_m[i] + far * (double)sight[i], -most_m), most_m);
     }
 }
 

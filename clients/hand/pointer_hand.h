@@ -13,7 +13,6 @@
 // begins at a single point, so a round tool may arrive at its press speed. A flat tool must brake before it touches.
 #include "clients/hand/tool_height.h"
 #include "clients/hand/virtual_hand.h"
-#include "clients/viewer/camera.h"
 #include "core/model.h"
 
 typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all positions are positions of the tool
@@ -82,7 +81,7 @@ void kn_pointer_hand_init(kn_pointer_hand *pointer, kn_probe_shape shape, int64_
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *pointer, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
                                  int elapsed_ms);
 
-// Reach: translates the place of the pointer in a picture into a wish for a tool. The wish contains the place and the
+// Reach: translates the line of sight through the pointer into a wish for a tool. The wish contains the place and the
 // height at which the tool hovers, the height at which the tool would touch the object, and the largest depth of a
 // press.
 
@@ -92,14 +91,10 @@ typedef struct kn_pointer_hand_reach {
     uint8_t *top;       // one flag per vertex; 1: the vertex belongs to the top face (kn_tool_height_top)
     int vertices;       // number of vertices of the scene's mesh
     double extent_m[3]; // size of the undeformed object along x, y, z
-    kn_camera camera;   // camera that draws the picture in which the user points
 } kn_pointer_hand_reach;
 
-// Prepare the translation for one tool and for the camera of one picture. Return false when memory is short.
-bool kn_pointer_hand_reach_open(kn_pointer_hand_reach *reach, const kn_model_def *def, const kn_probe_def *tool,
-                                const kn_camera_view *view);
-// Change the camera of the picture in which the user points.
-void kn_pointer_hand_reach_look(kn_pointer_hand_reach *reach, const kn_camera_view *view);
+// Prepare the translation for one tool. Return false when memory is short.
+bool kn_pointer_hand_reach_open(kn_pointer_hand_reach *reach, const kn_model_def *def, const kn_probe_def *tool);
 void kn_pointer_hand_reach_close(kn_pointer_hand_reach *reach);
 
 // Return true if the mesh is complete and belongs to the scene of `reach`. The functions below accept only a mesh for
@@ -107,9 +102,11 @@ void kn_pointer_hand_reach_close(kn_pointer_hand_reach *reach);
 bool kn_pointer_hand_reach_fits(const kn_pointer_hand_reach *reach, const kn_mesh *mesh);
 // Set wish->hover_z_m above the highest point of the mesh.
 void kn_pointer_hand_reach_hover(const kn_pointer_hand_reach *reach, const kn_mesh *mesh, kn_pointer_hand_wish *wish);
-// Set wish->at_m to the place in the plane of the object's top that is seen at (u, v) in the picture. If the plane is
-// not seen at (u, v), leave the wish unchanged.
-void kn_pointer_hand_reach_aim(const kn_pointer_hand_reach *reach, double u, double v, kn_pointer_hand_wish *wish);
+// Set wish->at_m to the place where a line of sight meets the plane of the object's top. eye_m: eye point; sight:
+// direction of the line, of any length. If the line does not meet the plane in front of the eye, leave the wish
+// unchanged.
+void kn_pointer_hand_reach_aim(const kn_pointer_hand_reach *reach, const float eye_m[3], const float sight[3],
+                               kn_pointer_hand_wish *wish);
 // Set wish->touch_z_m and wish->flush_z_m at wish->at_m. Return false if no part of the object is under the tool.
 bool kn_pointer_hand_reach_touch(const kn_pointer_hand_reach *reach, const kn_mesh *mesh, kn_pointer_hand_wish *wish);
 // Return the largest depth of a press below wish->touch_z_m, m. While nothing is pressed, return the largest depth

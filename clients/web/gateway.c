@@ -1,4 +1,5 @@
 #include "clients/web/gateway.h"
+#include "clients/viewer/shading.h"
 #include <arpa/inet.h>
 #include <errno.h>
 #include <libwebsockets.h>
@@ -19,7 +20,7 @@
 // closings are at least this time apart, s. Each connection thus has at least 64 ms to show its token.
 #define CLOSE_EVERY_S 0.004
 // Largest number of connections with the token that are not pages (downloads). With more, the program could need more
-// than 64 descriptors.
+// than 96 descriptors.
 #define DOWNLOADS 8
 // Timeout of libwebsockets for a request and for an idle connection, s.
 #define PATIENCE_S 5
@@ -39,6 +40,7 @@ EMBED(page_html, "page.html");
 EMBED(app_js, "app.js");
 EMBED(panels_js, "panels.js");
 EMBED(trace_js, "trace.js");
+EMBED(scene_js, "scene.js");
 EMBED(style_css, "style.css");
 
 static const struct {
@@ -47,6 +49,8 @@ static const struct {
              {"/app.js", "text/javascript; charset=utf-8", app_js, app_js_end},
              {"/panels.js", "text/javascript; charset=utf-8", panels_js, panels_js_end},
              {"/trace.js", "text/javascript; charset=utf-8", trace_js, trace_js_end},
+             {"/scene.js", "text/javascript; charset=utf-8", scene_js, scene_js_end},
+             {"/shaders.glsl", "text/plain; charset=utf-8", kn_shader_text, NULL},
              {"/style.css", "text/css; charset=utf-8", style_css, style_css_end}};
 
 typedef struct session { // libwebsockets keeps one session per connection
@@ -199,7 +203,8 @@ static int serve(kn_gateway *g, struct lws *wsi, const char *path)
     if (lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) == 0) return refuse(g, wsi, 405, "expected GET");
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (strcmp(path, files[i].path) == 0)
-            return answer(wsi, 200, files[i].type, files[i].begin, (size_t)(files[i].end - files[i].begin));
+            return answer(wsi, 200, files[i].type, files[i].begin,
+                          files[i].end ? (size_t)(files[i].end - files[i].begin) : strlen(files[i].begin));
     if (strncmp(path, "/get/", 5) == 0) return hand_out(g, wsi, path + 5);
     return refuse(g, wsi, 404, "no such file");
 }
@@ -257,7 +262,7 @@ static int admit(kn_gateway *g, struct lws *wsi, session *s)
     while (i < KN_GATEWAY_PAGES && g->page[i].wsi) i++;
     s->page = i < KN_GATEWAY_PAGES ? i : oust(g);
     s->admitted = true;
-    g->page[s->page] = (kn_web_page){.wsi = wsi, .came = ++g->admitted, .news = true};
+    g->page[s->page] = (kn_web_page){.wsi = wsi, .came = ++g->admitted, .news = true, .measure = -1};
     lws_callback_on_writable(wsi);
     return 0;
 }
@@ -267,12 +272,23 @@ static uint32_t u32(const uint8_t *at)
     return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
 }
 
-// Read a float. Return false if the float is NaN or is not within 0..most.
-static bool f32(const uint8_t *at, float most, float *value)
+// Read a float. Return false if the float is NaN or is not within least..most.
+static bool f32(const uint8_t *at, float least, float most, float *value)
 {
     uint32_t bits = u32(at);
     memcpy(value, &bits, sizeof bits);
-    return *value >= 0 && *value <= most;
+    return *value >= least && *value <= most;
+}
+
+// Read the fields of a pointer event. Return false if one of them is out of range.
+static bool take_pointer(const uint8_t *b, kn_web_message *m)
+{
+    bool good = b[5] <= 1 && b[6] == 0 && b[7] == 0 && f32(b + 8, 0, KN_WEB_DEPTH_MAX, &m->depth_m);
+    for (int i = 0; i < 3; i++)
+        good = good && f32(b + 12 + 4 * i, -KN_WEB_SIGHT_MAX, KN_WEB_SIGHT_MAX, &m->eye_m[i]) &&
+               f32(b + 24 + 4 * i, -KN_WEB_SIGHT_MAX, KN_WEB_SIGHT_MAX, &m->sight[i]);
+    m->pressed = b[5];
+    return good;
 }
 
 // Handle a binary message: a pointer event, or the acknowledgement of a message.
@@ -280,12 +296,15 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
 {
     const uint8_t *b = s->message;
     kn_web_page *page = &g->page[s->page];
-    kn_web_message m = {.number = u32(b), .kind = b[4], .pressed = b[5]};
-    if (s->length != 20) return hang_up(g, wsi, PROTOCOL, "malformed message: expected 20 bytes, or JSON as text");
-    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_SEEN)
-        return hang_up(g, wsi, PROTOCOL, "malformed message: unknown kind");
-    if (b[5] > 1 || !f32(b + 8, 1, &m.u) || !f32(b + 12, 1, &m.v) || !f32(b + 16, 0.1f, &m.depth_m))
-        return hang_up(g, wsi, PROTOCOL, "malformed message: expected a pointer of 0..1 and a depth of 0..0.1 m");
+    kn_web_message m = {0};
+    if (s->length != KN_WEB_POINTER_SIZE && s->length != KN_WEB_SEEN_SIZE)
+        return hang_up(g, wsi, PROTOCOL, "malformed message: expected 36 or 8 bytes, or JSON as text");
+    m.number = u32(b), m.kind = b[4];
+    if (m.kind != (s->length == KN_WEB_SEEN_SIZE ? KN_WEB_SEEN : KN_WEB_POINTER))
+        return hang_up(g, wsi, PROTOCOL, "malformed message: expected kind 1 in 36 bytes, or kind 2 in 8 bytes");
+    if (m.kind == KN_WEB_POINTER && !take_pointer(b, &m))
+        return hang_up(g, wsi, PROTOCOL,
+                       "malformed pointer: expected pressed 0..1, depth 0..0.1 m, a finite line of sight");
     if (m.kind == KN_WEB_POINTER) g->on_message(g->arg, s->page, &m);
     // Accept an acknowledgement only for a message that was sent and is not acknowledged yet. Unsigned differences are
     // right even after the counters have wrapped.
@@ -309,9 +328,10 @@ static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
 static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes, size_t size)
 {
     if (lws_is_first_fragment(wsi)) s->length = 0;
-    size_t most = s->page >= 0 && !lws_frame_is_binary(wsi) ? KN_PAGE_REQUEST_MAX : KN_GATEWAY_TOKEN;
-    if (size > most - s->length)
-        return hang_up(g, wsi, TOO_BIG, "message too large: expected 20 bytes, or at most 256 of JSON as text");
+    size_t most = s->page < 0 || lws_frame_is_binary(wsi) ? KN_WEB_POINTER_SIZE : KN_PAGE_REQUEST_MAX;
+    // A page that has just lost its place may have received more than a guest may send.
+    if (s->length > most || size > most - s->length)
+        return hang_up(g, wsi, TOO_BIG, "message too large: expected at most 36 bytes, or 256 of JSON as text");
     memcpy(s->message + s->length, bytes, size);
     s->length += size;
     if (!lws_is_final_fragment(wsi)) return 0;
@@ -484,7 +504,7 @@ static bool make_address(kn_gateway *g, const char *host)
     return true;
 }
 
-bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int port, int fd, size_t largest, char *error,
+bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int port, int fd, char *error,
                      size_t error_size)
 {
     static const struct lws_protocols protocols[] = {
@@ -513,9 +533,7 @@ bool kn_gateway_open(kn_gateway *g, struct ev_loop *ev, const char *host, int po
     if (strncmp(g->origin, "https", 5) == 0)
         info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT | LWS_SERVER_OPTION_CREATE_VHOST_SSL_CTX;
     lws_set_log_level(LLL_ERR, NULL);
-    g->buffer_size = largest;
-    g->buffer = malloc(LWS_PRE + largest);
-    g->context = g->buffer ? lws_create_context(&info) : NULL;
+    g->context = lws_create_context(&info);
     snprintf(error, error_size, "libwebsockets does not start on libev: install the package libwebsockets-evlib-ev");
     if (!g->context) return false;
     ev_io_init(&g->acceptable, on_acceptable, g->fd, EV_READ);
@@ -534,11 +552,19 @@ int kn_gateway_pages(const kn_gateway *g)
     return pages;
 }
 
-bool kn_gateway_wants(const kn_gateway *g)
+bool kn_gateway_wants(const kn_gateway *g, kn_web_draws way)
 {
     bool wants = false;
-    for (int i = 0; i < KN_GATEWAY_PAGES; i++) wants |= room(&g->page[i]);
+    for (int i = 0; i < KN_GATEWAY_PAGES; i++) wants |= g->page[i].draws == way && room(&g->page[i]);
     return wants;
+}
+
+bool kn_gateway_reserve(kn_gateway *g, size_t largest)
+{
+    uint8_t *buffer = largest > g->buffer_size ? realloc(g->buffer, LWS_PRE + largest) : g->buffer;
+    if (buffer && largest > g->buffer_size) g->buffer_size = largest;
+    if (buffer) g->buffer = buffer;
+    return buffer;
 }
 
 void kn_gateway_news(kn_gateway *g)

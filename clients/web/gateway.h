@@ -5,7 +5,7 @@
 // README.md of this folder describes the messages.
 //
 //     browser -- token -->  gateway  -- pointer, requests -->  on_message, on_request
-//             <-- state and picture --  write(page, ...)    <--  caller has news: kn_gateway_news
+//             <-- state and mesh or picture --  write(page, ...)    <--  caller has news: kn_gateway_news
 //             -- GET, with the token in a header -->  fetch  -- a file, or bytes
 //
 // The gateway listens on one address only, 127.0.0.1 by default. It binds the socket itself and reads the address back,
@@ -33,7 +33,8 @@
 //
 //     do                                            fields
 //     reset undo snapshot restore estop recover     none
-//     record picture                                none
+//     record                                        none
+//     draw                                          name: mesh (the page draws the object) or picture (knead web does)
 //     quality material scene style measure          name: 1..63 characters a-z A-Z 0-9 . _ -, a name sent to the page
 //     set                                           name; value: a finite number
 //     view                                          azimuth and elevation, degrees; zoom: 1..KN_PAGE_REQUEST_ZOOM
@@ -52,10 +53,10 @@ typedef enum kn_page_verb {
     KN_VERB_ESTOP,
     KN_VERB_RECOVER,
     KN_VERB_RECORD,
-    KN_VERB_PICTURE,
     KN_VERB_QUALITY,
     KN_VERB_MATERIAL,
     KN_VERB_SCENE,
+    KN_VERB_DRAW,
     KN_VERB_STYLE,
     KN_VERB_MEASURE,
     KN_VERB_SET,
@@ -85,24 +86,33 @@ bool kn_page_request_parse(kn_page_request *request, const char *text, size_t si
 
 // ---- gateway
 
-#define KN_GATEWAY_PAGES 4   // largest number of pages connected at once
+#define KN_GATEWAY_PAGES 32  // largest number of pages connected at once
 #define KN_GATEWAY_GUESTS 16 // largest number of connections that have not shown the token
 #define KN_GATEWAY_TOKEN 32  // number of hex digits of the token
-// Largest number of messages sent to a page and not acknowledged by the page. With more, outdated pictures would wait
-// in a buffer.
+// Largest number of messages sent to a page and not acknowledged by the page. With more, outdated meshes and
+// pictures would wait in a buffer.
 #define KN_GATEWAY_IN_FLIGHT 2
 #define KN_GATEWAY_ANSWERS 16 // largest number of answers that wait to be sent to a page
 
-// POINTER: place of the pointer and state of its button. SEEN: the page has drawn a message of the gateway.
+// POINTER: line of sight through the pointer, and state of its button. SEEN: the page has received a message of the
+// gateway, or has drawn its picture.
 typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN } kn_web_kind;
 
-// Checked message of a page: numbers are finite, u and v within 0..1, depth_m within 0..0.1.
+// Checked message of a page. POINTER has all fields, SEEN only the first two.
 typedef struct kn_web_message {
     kn_web_kind kind;
-    uint32_t number; // POINTER: number of the event; SEEN: number of the message that was drawn
+    uint32_t number; // POINTER: number of the event; SEEN: number of that message
     bool pressed;
-    float u, v, depth_m;
+    float depth_m; // 0..KN_WEB_DEPTH_MAX
+    // Line of sight through the pointer, in the scene: eye point, m, and direction. Each component is at most
+    // KN_WEB_SIGHT_MAX.
+    float eye_m[3], sight[3];
 } kn_web_message;
+
+#define KN_WEB_DEPTH_MAX 0.1f
+#define KN_WEB_SIGHT_MAX 1e4f
+#define KN_WEB_POINTER_SIZE 36 // size of a POINTER message, bytes
+#define KN_WEB_SEEN_SIZE 8     // size of a SEEN message, bytes
 
 // Answer to a request, waiting to be sent to the page that made the request.
 typedef struct kn_web_answer {
@@ -111,15 +121,26 @@ typedef struct kn_web_answer {
     char words[200];
 } kn_web_answer;
 
+// What a page gets of the object. NOTHING: the page has not said yet how it draws. MESH: the page draws the object
+// itself. PICTURE: the page shows pictures that knead web draws.
+typedef enum kn_web_draws { KN_WEB_NOTHING, KN_WEB_MESH, KN_WEB_PICTURE } kn_web_draws;
+
 typedef struct kn_web_page { // browser page that has shown the token
     uint32_t sent, seen;     // number of messages sent to the page, and of messages that the page has acknowledged
     bool news;               // true: a message waits to be written to the page
     int64_t came;            // sequence number of the page's admission; a newer page has a larger number
-    uint32_t picture;        // number of the last picture sent to the page; set by the caller
-    uint32_t event;          // number of the last pointer event received from the page
-    int64_t pointed_ms;      // time (CLOCK_MONOTONIC) of the last pointer event received from the page
-    uint64_t told;           // count of force samples sent to the page or dropped
-    int about;               // version of kn_page_state.about that the page has; set by the caller
+    // The fields from here to `about` are set by the caller. measure: measure that colours the mesh of this page, -1:
+    // none. surface: number of the surface that the page has. shape: number of the newest mesh sent to the page.
+    // picture: number of the last picture sent to the page. shown: number of the newest pointer event in that mesh.
+    kn_web_draws draws;
+    int measure;
+    int64_t surface, shape;
+    uint32_t picture;
+    int32_t shown;
+    uint32_t event;     // number of the last pointer event received from the page
+    int64_t pointed_ms; // time (CLOCK_MONOTONIC) of the last pointer event received from the page
+    uint64_t told;      // count of force samples sent to the page or dropped
+    int about;          // version of kn_page_state.about that the page has; set by the caller
     kn_web_answer answer[KN_GATEWAY_ANSWERS];
     int answers;     // number of elements of `answer`; set to 0 by the caller when they are written
     struct lws *wsi; // connection to the page; NULL: this place for a page is free
@@ -168,17 +189,20 @@ typedef struct kn_gateway {
 } kn_gateway;
 
 // Start the gateway. host: an address that kn_gateway_host accepts. port: 0 for any free port. fd: a socket that
-// already listens on `host`, in which case `port` is ignored; -1: none. largest: size of the largest message, bytes.
+// already listens on `host`, in which case `port` is ignored; -1: none.
 // The callbacks must be set. On failure return false and one line in `error`.
-bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, const char *host, int port, int fd, size_t largest,
-                     char *error, size_t error_size);
+bool kn_gateway_open(kn_gateway *gateway, struct ev_loop *ev, const char *host, int port, int fd, char *error,
+                     size_t error_size);
 // Return a listening socket, or -1 and one line in `error`.
 int kn_gateway_listen(const char *host, int port, char *error, size_t error_size);
 // Return true if `text` is the IPv4 address of one machine.
 bool kn_gateway_host(const char *text, struct in_addr *host);
 // Return the number of pages that are connected.
 int kn_gateway_pages(const kn_gateway *gateway);
-bool kn_gateway_wants(const kn_gateway *gateway); // returns true if at least one page can take a picture now
+// Return true if at least one page draws in this way and can take a message now.
+bool kn_gateway_wants(const kn_gateway *gateway, kn_web_draws way);
+// Make room for messages of up to `largest` bytes. Return false if memory is short.
+bool kn_gateway_reserve(kn_gateway *gateway, size_t largest);
 // Let the gateway call `write` for each page as soon as the page can take a message.
 void kn_gateway_news(kn_gateway *gateway);
 // Append an answer to the list of answers that wait for a page. The answer is dropped if page is -1, or if the page

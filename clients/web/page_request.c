@@ -14,7 +14,7 @@ static const struct {
     [KN_VERB_RESET] = {"reset", 0},        [KN_VERB_UNDO] = {"undo", 0},
     [KN_VERB_SNAPSHOT] = {"snapshot", 0},  [KN_VERB_RESTORE] = {"restore", 0},
     [KN_VERB_ESTOP] = {"estop", 0},        [KN_VERB_RECOVER] = {"recover", 0},
-    [KN_VERB_RECORD] = {"record", 0},      [KN_VERB_PICTURE] = {"picture", 0},
+    [KN_VERB_RECORD] = {"record", 0},      [KN_VERB_DRAW] = {"draw", NAME},
     [KN_VERB_QUALITY] = {"quality", NAME}, [KN_VERB_MATERIAL] = {"material", NAME},
     [KN_VERB_SCENE] = {"scene", NAME},     [KN_VERB_STYLE] = {"style", NAME},
     [KN_VERB_MEASURE] = {"measure", NAME}, [KN_VERB_SET] = {"set", NAME | VALUE},

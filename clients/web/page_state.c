@@ -1,5 +1,5 @@
-// Messages to the pages. Every message contains the present state, and the newest picture if the page does not have it
-// yet. Facts that change rarely (`about`) are added only when they have changed.
+// Messages to the pages. Every message contains the present state, and the newest mesh or picture if the page does not
+// have it yet. Facts that change rarely (`about`) are added only when they have changed.
 #include "clients/web/web.h"
 #include "core/scene/scene.h"
 #include "core/lattice/measure.h"
@@ -177,6 +177,7 @@ static double traced(const kn_page_tool_sample *s, int which)
 static void put_traces(kn_web *w, kn_web_page *p, json *t)
 {
     static const char *const names[TRACES] = {"force", "depth", "work", "trip"};
+    if (p->about == 0) p->told = w->tool.traced; // a new page begins with the present
     // A page that got no message for a long time gets only the samples that are still kept.
     if (w->tool.traced - p->told > KN_PAGE_TOOL_TRACE)
         p->told = w->tool.traced < KN_PAGE_TOOL_TRACE ? 0 : w->tool.traced - KN_PAGE_TOOL_TRACE;
@@ -185,7 +186,7 @@ static void put_traces(kn_web *w, kn_web_page *p, json *t)
         put(t, "%s\"%s\":[", k ? "," : "", names[k]);
         for (uint64_t i = p->told; i < w->tool.traced; i++) {
             double x = traced(&w->tool.trace[i % KN_PAGE_TOOL_TRACE], k);
-            put(t, isfinite(x) ? "%s%.2f" : "%snull", i > p->told ? "," : "", x);
+            put(t, fabs(x) < 1e9 ? "%s%.2f" : "%snull", i > p->told ? "," : "", x);
         }
         put(t, "]");
     }
@@ -221,42 +222,115 @@ static void put_touch(const kn_web *w, json *t)
     put(t, "]}");
 }
 
-// Write a message: length of the JSON, the JSON, and the picture if the page does not have it yet.
+// Write `count` numbers as a JSON array. A number that is not finite, or absurdly large, becomes 0.
+static void put_numbers(json *t, const char *format, const double *x, int count)
+{
+    for (int i = 0; i < count; i++) {
+        put(t, "%c", i ? ',' : '[');
+        put(t, format, fabs(x[i]) < 1e9 ? x[i] : 0);
+    }
+    put(t, "]");
+}
+
+// Write the poses and forces of all tools of the scene, in its order; null: nobody holds the tool. A page that draws the
+// object itself draws the tools, too.
+static void put_tools(const kn_web *w, json *t)
+{
+    const kn_model_def *def = &w->live.scene->model;
+    put(t, ",\"tools\":[");
+    for (int i = 0; i < def->probe_count; i++) {
+        const kn_live_server_probe *p = kn_live_server_find(&w->live, def->probe[i].name);
+        put(t, "%s", i ? "," : "");
+        if (!p) {
+            put(t, "null");
+            continue;
+        }
+        put(t, "{\"acts\":%s,\"at\":", p->gain > 0 ? "true" : "false");
+        put_numbers(t, "%.5f", p->position_m, 3);
+        put(t, ",\"turn\":");
+        put_numbers(t, "%.4f", p->orientation_wxyz, 4);
+        put(t, ",\"force\":");
+        put_numbers(t, "%.3f", p->force_n, 3);
+        if (kn_live_server_held(p)) {
+            put(t, ",\"hand\":{\"at\":");
+            put_numbers(t, "%.5f", p->hand_position_m, 3);
+            put(t, ",\"turn\":");
+            put_numbers(t, "%.4f", p->hand_orientation_wxyz, 4);
+            put(t, "}");
+        }
+        put(t, "}");
+    }
+    put(t, "]");
+}
+
+// What follows the JSON of a message: sizes in bytes, 0: not in this message.
+typedef struct blocks {
+    size_t surface, shape, picture;
+} blocks;
+
+// Decide which blocks a page gets. Blocks for which there is no room are left out.
+static blocks choose_blocks(kn_web *w, const kn_web_page *p, size_t room)
+{
+    blocks b = {0};
+    if (p->draws == KN_WEB_MESH && w->live.scene) {
+        if (p->surface != w->mesh.surface) b.surface = kn_page_mesh_write_surface(&w->mesh, NULL);
+        if (b.surface || p->shape != w->mesh.shape) b.shape = kn_page_mesh_write_shape(&w->mesh, p->measure, NULL);
+    }
+    if (p->draws == KN_WEB_PICTURE && p->picture != w->picture.count) b.picture = w->picture.jpeg_size;
+    return b.surface + b.shape + b.picture <= room ? b : (blocks){0};
+}
+
+// Write the sizes of the blocks, and the facts that belong to them.
+static void put_blocks(kn_web *w, kn_web_page *p, int page, blocks b, json *t)
+{
+    const bool pictures = p->draws == KN_WEB_PICTURE;
+    // `event` is the number of the newest pointer event whose effect the mesh or the picture shows. If another page sent
+    // the event, write 0.
+    if (b.shape) p->shown = kn_page_tool_answered(&w->tool, p->shown, w->live.mesh.tick);
+    put(t, ",\"event\":%u,\"blocks\":[%zu,%zu,%zu]",
+        kn_page_tool_event(&w->tool, pictures ? w->picture.shown : p->shown, page), b.surface, b.shape, b.picture);
+    const bool colored = w->picture.measure >= 0 && w->picture.still.view.value;
+    const double top = !pictures ? kn_page_mesh_top(&w->mesh, p->measure) : colored ? w->picture.top : 0;
+    if (top > 0) put(t, ",\"top\":%.6g", top);
+    if (b.shape) put_tools(w, t);
+}
+
+// Write a message: length of the JSON, the JSON, and the surface, shape and picture that the page does not have yet.
 size_t kn_page_state_write(void *self, int page, uint8_t *bytes, size_t size)
 {
     kn_web *w = self;
     kn_web_page *p = &w->gateway.page[page];
     char words[400], *begin = (char *)bytes + 4;
-    // The JSON must leave room for the picture.
-    json t = {begin, (char *)bytes + size - w->picture.jpeg_size};
+    const blocks b = choose_blocks(w, p, size - KN_PAGE_STATE_JSON);
+    // The JSON leaves room for the blocks and for its padding.
+    json t = {begin, (char *)bytes + size - b.surface - b.shape - b.picture - 4};
     const char *level = status(w, page, words, sizeof words);
-    // `event` is the number of the newest pointer event whose effect the picture shows. If another page sent the event,
-    // write 0.
-    uint32_t event = kn_page_tool_event(&w->tool, w->picture.shown, page);
     put(&t,
-        "{\"frame\":%u,\"event\":%u,\"tick\":%" PRId64
+        "{\"frame\":%u,\"tick\":%" PRId64
         ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,\"mine\":%s,\"level\":\"%s\"",
-        p->sent, event, w->live.mesh.tick, w->tool.news.force_n, 1e3 * w->tool.news.depth_m,
+        p->sent, w->live.mesh.tick, w->tool.news.force_n, 1e3 * w->tool.news.depth_m,
         w->tool.moving ? 1e3 * kn_pointer_hand_reach_deepest(&w->tool.reach, &w->tool.wish) : 0,
         w->tool.news.contact ? "true" : "false", w->tool.owner == page ? "true" : "false", level);
     put_words(&t, "status", words);
     put_traces(w, p, &t);
     put_answers(p, &t);
     put_touch(w, &t);
-    if (w->picture.bar_m > 0) put(&t, ",\"bar_mm\":%.4g", 1e3 * w->picture.bar_m);
-    if (w->picture.measure >= 0 && w->picture.still.view.value) put(&t, ",\"top\":%.6g", w->picture.top);
+    put_blocks(w, p, page, b, &t);
     if (p->about != w->state.abouts && w->state.about) {
         put(&t, ",\"about\":%s", w->state.about);
         p->about = w->state.abouts;
     }
+    // The blocks begin at a multiple of four bytes, so that the page can read their numbers in place.
     put(&t, "}");
+    for (int i = (int)((begin - t.at) & 3); i > 0; i--) put(&t, " ");
     uint32_t length = (uint32_t)(t.at - begin);
     // Length of the JSON in the machine's byte order, which is little-endian on all supported machines.
     memcpy(bytes, &length, 4);
-    size_t picture = p->picture == w->picture.count ? 0 : w->picture.jpeg_size;
-    p->picture = w->picture.count;
-    memcpy(t.at, w->picture.jpeg, picture);
-    return 4 + length + picture;
+    uint8_t *at = (uint8_t *)t.at;
+    if (b.surface) at += kn_page_mesh_write_surface(&w->mesh, at), p->surface = w->mesh.surface;
+    if (b.shape) at += kn_page_mesh_write_shape(&w->mesh, p->measure, at), p->shape = w->mesh.shape;
+    if (b.picture) memcpy(at, w->picture.jpeg, b.picture), p->picture = w->picture.count;
+    return (size_t)(at - bytes) + b.picture;
 }
 
 // ---- rarely changing facts
@@ -465,6 +539,8 @@ static json_t *about(const kn_web *w)
                             "playing", w->tool.lent, "replaying", w->recordings.child_pid ? w->recordings.child_of : 0);
     if (all && s) json_object_set_new(all, "material", material(&s->model.material));
     if (all && s) json_object_set_new(all, "points", points(s));
+    json_t *object = all ? kn_page_mesh_describe(&w->mesh) : NULL;
+    if (object) json_object_set_new(all, "object", object);
     if (all && s && *s->label) json_object_set_new(all, "label", told(s->label));
     return all;
 }

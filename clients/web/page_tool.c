@@ -106,7 +106,7 @@ static void take_up(kn_page_tool *t)
     t->moving = kn_virtual_device_start(&t->device, move, t, t->url, t->def->name, t->error, sizeof t->error);
 }
 
-bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
+bool kn_page_tool_scene(kn_page_tool *t)
 {
     const kn_scene *scene = t->live->scene;
     if (!scene || (scene == t->scene && scene->text_hash == t->scene_hash)) return false;
@@ -119,7 +119,7 @@ bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
     t->scene_hash = scene->text_hash;
     t->def = tool;
     snprintf(t->error, sizeof t->error, "out of memory");
-    if (!tool || !kn_pointer_hand_reach_open(&t->reach, &scene->model, tool, view)) {
+    if (!tool || !kn_pointer_hand_reach_open(&t->reach, &scene->model, tool)) {
         if (on) let_go(t);
         return true;
     }
@@ -128,15 +128,6 @@ bool kn_page_tool_scene(kn_page_tool *t, const kn_camera_view *view)
     // While a recording is being played, it moves the tool, so the hand of `knead web` stays stopped.
     if (!on && !t->lent) take_up(t);
     return true;
-}
-
-// Use the turned view for the pointer, too, even while a recording moves the tool. If a page turns the view during a
-// press, the pointer now stands for another point of the object. Therefore the pointer does not move the tool sideways
-// in the rest of this press.
-void kn_page_tool_look(kn_page_tool *t, const kn_camera_view *view)
-{
-    t->turned = true;
-    if (t->reach.top) kn_pointer_hand_reach_look(&t->reach, view);
 }
 
 void kn_page_tool_mesh(kn_page_tool *t)
@@ -164,15 +155,15 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
     p->pointed_ms = kn_live_server_now_ms();
     // Without a tool or a matching mesh, ignore a press until the button has been released.
     if (!t->moving || !kn_pointer_hand_reach_fits(&t->reach, &t->live->mesh)) {
-        if (m->pressed) t->button = KN_BUTTON_BARRED;
-        return;
+        t->button = m->pressed ? KN_BUTTON_BARRED : KN_BUTTON_UP;
+        return post_wish(t);
     }
     kn_page_tool_listen(t);
     // true if the tool has reached the surface at which the press began
     const bool met = t->button == KN_BUTTON_PRESSES && t->news.depth_m > 0;
     // Aim the tool at the pointer while the button is up. During a press, aim only after the tool has reached the
     // surface, so that the user can stroke the object. Before that, the tool comes down where the press began.
-    if (t->button == KN_BUTTON_UP || (met && !t->turned)) kn_pointer_hand_reach_aim(&t->reach, m->u, m->v, &t->wish);
+    if (t->button == KN_BUTTON_UP || met) kn_pointer_hand_reach_aim(&t->reach, m->eye_m, m->sight, &t->wish);
     // A press begins if the object is under the tool. A press beside the object has no effect until the button is
     // released.
     if (!m->pressed) {
@@ -180,11 +171,10 @@ void kn_page_tool_point(kn_page_tool *t, int page, const kn_web_message *m)
     } else if (t->button == KN_BUTTON_UP) {
         t->button =
             kn_pointer_hand_reach_touch(&t->reach, &t->live->mesh, &t->wish) ? KN_BUTTON_PRESSES : KN_BUTTON_BESIDE;
-        t->turned = false;
         t->wish.press++;
     }
     t->wish.pressed = t->button == KN_BUTTON_PRESSES;
-    t->wish.depth_m = fmin(m->depth_m, kn_pointer_hand_reach_deepest(&t->reach, &t->wish));
+    t->wish.depth_m = fmin((double)m->depth_m, kn_pointer_hand_reach_deepest(&t->reach, &t->wish));
     // Number the event, so that a page can find out which of its events a picture shows.
     if (m->number != p->event) {
         int32_t n = ++t->wish.event % KN_PAGE_TOOL_EVENTS;

@@ -12,8 +12,8 @@
 #include "server/mailbox.h"
 #include "server/ring.h"
 
-#define KN_PAGE_TOOL_TRACE 256 // number of force samples kept for the pages, one sample per ms
-#define KN_PAGE_TOOL_EVENTS 64 // largest number of pointer events that wait at once for an answer of kneadd
+#define KN_PAGE_TOOL_TRACE 1024 // number of force samples kept for the pages, one sample per ms
+#define KN_PAGE_TOOL_EVENTS 64  // largest number of pointer events that wait at once for an answer of kneadd
 
 // State of the pointer's button. BESIDE: pressed beside the object. BARRED: still pressed, but ignored until it is
 // released.
@@ -57,8 +57,6 @@ typedef struct kn_page_tool {
     kn_mailbox wishes; // wanted motions of the tool (kn_pointer_hand_wish), from the main thread to the device's thread
     kn_pointer_hand_wish wish_slots[3];
     kn_ring samples; // queue of kn_page_tool_sample from the device's thread to the main thread
-    // True: the view was turned during this press, so moving the pointer no longer moves the tool over the object.
-    bool turned;
     // Pointer events whose effect no picture has shown yet. tick: tick in which kneadd answered the event; INT64_MAX:
     // not answered yet.
     struct {
@@ -73,10 +71,9 @@ bool kn_page_tool_open(kn_page_tool *tool);
 
 // Adapt to the scene of `live`: choose the tool, and restart the hand unless it can continue. Return true if the scene
 // is a new one.
-bool kn_page_tool_scene(kn_page_tool *tool, const kn_camera_view *view);
-void kn_page_tool_look(kn_page_tool *tool, const kn_camera_view *view); // follows a view that a page has turned
-void kn_page_tool_mesh(kn_page_tool *tool);                             // follows a new mesh of `live`
-void kn_page_tool_listen(kn_page_tool *tool);                           // takes the samples of the device's thread
+bool kn_page_tool_scene(kn_page_tool *tool);
+void kn_page_tool_mesh(kn_page_tool *tool);   // follows a new mesh of `live`
+void kn_page_tool_listen(kn_page_tool *tool); // takes the samples of the device's thread
 // Called ten times a second: takes samples, lifts the tool of a silent page, and sends the wanted tool position to the
 // device's thread.
 void kn_page_tool_turn(kn_page_tool *tool);

@@ -8,7 +8,7 @@ const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 // Call a function when a pointer is released or lost.
 const onRelease = (call) => ['pointerup', 'pointercancel'].forEach((end) => window.addEventListener(end, call));
 const round3 = (x) => Number(x.toPrecision(3)).toLocaleString('en', { maximumFractionDigits: 6 });
-let about = null;
+let about = null, toolsShown = '';
 
 // Write only new text: a screen reader reads every change aloud.
 function write(element, text) {
@@ -18,6 +18,7 @@ function write(element, text) {
 // ---- orders
 
 let unsaid = 0; // timer that clears the last shown answer
+const LATE_MS = 700; // time after which an order without an answer is shown as waiting
 
 function report(ok, words) {
     clearTimeout(unsaid);
@@ -28,7 +29,10 @@ function report(ok, words) {
 
 // Send a request and show its answer. silent: show the answer only if the request was refused.
 async function order(what, fields, silent = false) {
+    // If kneadd needs longer, for example to build a scene and let it settle, say so within a second.
+    const late = setTimeout(report, LATE_MS, true, `Waiting for kneadd (${what}${fields?.name ? ` ${fields.name}` : ''}) ...`);
     const { ok, words } = await ask(what, fields);
+    clearTimeout(late);
     if (!ok || !silent) report(ok, words);
     return ok;
 }
@@ -150,6 +154,7 @@ function fill(id, names, chosen, words = (name) => name) {
 for (const what of ['quality', 'scene', 'material', 'style', 'measure'])
     $(what).addEventListener('change', ({ target }) => {
         const silent = ['style', 'measure'].includes(what); // their effect is visible in the picture
+        if (what === 'style' && scene) return redraw();
         if (target.value !== '…') order(what, { name: target.value }, silent);
         // Do not leave the chosen material selected, because the sliders may change the material afterwards.
         if (what === 'material') target.value = '…';
@@ -158,34 +163,62 @@ $('what').addEventListener('change', ({ target }) => choose(target.value));
 
 // ---- view
 
-const orbit = { pointer: null, azimuth: 28, elevation: 27, zoom: 1, x: 0, y: 0 };
+// The view of this page. pan: shift of the picture, m, to the right and up. pans: true: the pointer moves the view
+// sideways instead of turning it.
+const orbit = { pointer: null, azimuth: 28, elevation: 27, zoom: 1, pan: [0, 0], pans: false, x: 0, y: 0 };
 let looking = 0;
 
-// Turn the view. Send at most one request per animation frame.
-function look(azimuth, elevation, zoom = orbit.zoom) {
+// Change the view, at most once per animation frame. Pages that show pictures of knead web share one view.
+function look(azimuth, elevation, zoom = orbit.zoom, pan = orbit.pan) {
     orbit.azimuth = ((azimuth + 540) % 360) - 180;
     orbit.elevation = clamp(elevation, 2, 90);
-    orbit.zoom = clamp(zoom, 1, 4);
+    orbit.zoom = clamp(zoom, 1, scene ? 16 : 4);
+    orbit.pan = scene ? pan : [0, 0];
+    movedAt = performance.now();
     looking ||= requestAnimationFrame(() => {
         looking = 0;
-        ask('view', { azimuth: orbit.azimuth, elevation: orbit.elevation, zoom: orbit.zoom });
+        if (scene) redraw();
+        else ask('view', { azimuth: orbit.azimuth, elevation: orbit.elevation, zoom: orbit.zoom });
     });
 }
 
 const turn = (azimuth, elevation) => look(orbit.azimuth + azimuth, orbit.elevation + elevation);
 
+// Move the view sideways by pixels of the window.
+function pan(x, y) {
+    const seen = camera();
+    if (!seen) return;
+    const metres = 2 * seen.tanHalf * seen.distance / picture.clientHeight;
+    look(orbit.azimuth, orbit.elevation, orbit.zoom, [orbit.pan[0] - x * metres, orbit.pan[1] + y * metres]);
+}
+
 function beginOrbit(event) {
-    Object.assign(orbit, { pointer: event.pointerId, x: event.clientX, y: event.clientY });
+    const pans = event.button === 1 || (event.button === 2 && event.shiftKey);
+    Object.assign(orbit, { pointer: event.pointerId, x: event.clientX, y: event.clientY, pans });
     $('picture').setPointerCapture(event.pointerId);
 }
 window.addEventListener('pointermove', (event) => {
     if (orbit.pointer !== event.pointerId) return;
-    turn((orbit.x - event.clientX) * 0.4, (event.clientY - orbit.y) * 0.3);
+    if (orbit.pans) pan(event.clientX - orbit.x, event.clientY - orbit.y);
+    else turn((orbit.x - event.clientX) * 0.4, (event.clientY - orbit.y) * 0.3);
     Object.assign(orbit, { x: event.clientX, y: event.clientY });
 });
 onRelease(({ pointerId }) => { if (orbit.pointer === pointerId) orbit.pointer = null; });
+
+// Two fingers: their middle turns the view, their distance zooms it. Places are shares of the picture.
+let pinch = null;
+const pinchOf = ([a, b]) => ({ u: (a.u + b.u) / 2, v: (a.v + b.v) / 2, wide: Math.max(0.02, Math.hypot(a.u - b.u, a.v - b.v)) });
+function beginPinch(places) { pinch = pinchOf(places); }
+function movePinch(places) {
+    const now = pinchOf(places);
+    if (!pinch) return;
+    look(orbit.azimuth + 200 * (pinch.u - now.u), orbit.elevation + 120 * (now.v - pinch.v), orbit.zoom * now.wide / pinch.wide);
+    pinch = now;
+}
+onRelease(() => { pinch = null; });
+
 for (const button of document.querySelectorAll('[data-view]'))
-    button.addEventListener('click', () => look(...button.dataset.view.split(',').map(Number)));
+    button.addEventListener('click', () => look(...button.dataset.view.split(',').map(Number), orbit.zoom, [0, 0]));
 
 for (const [id, factor] of [['closer', 1.25], ['farther', 0.8]])
     $(id).addEventListener('click', () => look(orbit.azimuth, orbit.elevation, orbit.zoom * factor));
@@ -198,10 +231,11 @@ const TOPS = { // by measure: text of the legend for the top of the colour scale
 };
 
 function showLegend(top) {
-    $('legend').hidden = !top || !TOPS[about?.view.measure];
+    const measure = $('measure').value;
+    $('legend').hidden = !top || !TOPS[measure];
     if ($('legend').hidden) return;
-    write($('legend-words'), wordsOf(about.view.measure) ?? '');
-    write($('legend-top'), TOPS[about.view.measure](top));
+    write($('legend-words'), wordsOf(measure) ?? '');
+    write($('legend-top'), TOPS[measure](top));
 }
 
 // ---- recordings
@@ -312,6 +346,12 @@ function showAble(why, there) {
     for (const element of document.querySelectorAll(own)) element.disabled = !there;
 }
 
+// Take over the view of the pictures of knead web.
+function takeView({ azimuth, elevation, zoom, style }) {
+    Object.assign(orbit, { azimuth, elevation, zoom, pan: [0, 0] });
+    $('style').value = style;
+}
+
 // Show the facts that have been received; null: knead web has disconnected.
 function showAbout(told) {
     about = told;
@@ -331,13 +371,16 @@ function showAbout(told) {
         more > 0 ? `${more} more scenes are not listed: at most 32 are, with names of letters, digits and . _ -`
         : length === 0 ? 'To list other scenes, start knead web with --scenes DIR.' : null);
     fill('quality', told.points ?? [], told.control.quality ?? '');
-    $('style').value = told.view.style;
-    const measures = told.view.measures.map(({ name }) => name);
-    fill('measure', ['none', ...measures], told.view.measure, (name) => wordsOf(name) ?? 'material');
-    // Take over a view that another page has set, unless this page is turning the view.
-    if (orbit.pointer === null && !looking) {
-        const { azimuth, elevation, zoom } = told.view;
-        Object.assign(orbit, { azimuth, elevation, zoom });
+    const measures = ['none', ...told.view.measures.map(({ name }) => name)], own = $('measure').value;
+    fill('measure', measures, !scene ? told.view.measure : measures.includes(own) ? own : 'none', (name) => wordsOf(name) ?? 'material');
+    if (scene && $('measure').value !== own) ask('measure', { name: $('measure').value });
+    // Pictures of knead web have one view: take over what another page has set, unless this page is turning the view.
+    if (!scene && orbit.pointer === null && !looking) {
+        takeView(told.view);
+    }
+    if (told.object && JSON.stringify(told.object.tools) !== toolsShown) {
+        toolsShown = JSON.stringify(told.object.tools);
+        scene?.takeTools(told.object, loadTool);
     }
     showNumbers(told);
     showRecordings(told);
@@ -346,19 +389,103 @@ function showAbout(told) {
 
 // ---- downloads
 
-// Download a file of knead web and save it under a name.
-async function save(name, as) {
-    const headers = { Authorization: `Bearer ${location.hash.slice(1)}` };
-    const answer = await fetch(`/get/${name}`, { headers, cache: 'no-store' }).catch(() => null);
-    if (!answer?.ok) return report(false, answer ? await answer.text() : 'knead web is not connected');
-    const link = make('a', { download: as, href: URL.createObjectURL(await answer.blob()) });
+const get = (name) => fetch(`/get/${name}`, { headers: { Authorization: `Bearer ${location.hash.slice(1)}` }, cache: 'no-store' }).catch(() => null);
+
+function saveBlob(blob, as) {
+    const link = make('a', { download: as, href: URL.createObjectURL(blob) });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     report(true, `Saved ${as}.`);
 }
+
+// Download a file of knead web and save it under a name.
+async function save(name, as) {
+    const answer = await get(name);
+    if (!answer?.ok) return report(false, answer ? await answer.text() : 'knead web is not connected');
+    saveBlob(await answer.blob(), as);
+}
+
+// Triangles of a tool that is a mesh; null: knead web has none.
+async function loadTool(index) {
+    const answer = await get(`tool-${index}`);
+    return answer?.ok ? new Float32Array(await answer.arrayBuffer()) : null;
+}
+
+// Write caption, scale and legend on a copy of the picture.
+function caption(ctx, { width, height }, tick) {
+    const size = Math.round(height / 32), pad = size, style = getComputedStyle(document.body);
+    ctx.font = `${size}px ${style.fontFamily}`;
+    ctx.fillStyle = style.color;
+    ctx.textAlign = 'left';
+    ctx.fillText(`${stem()}, ${(tick / 1000).toFixed(2)} s`, pad, pad + size);
+    ctx.fillText(barWords(), pad, height - pad);
+    if ($('legend').hidden) return;
+    const from = width - pad - 12 * size, tone = ctx.createLinearGradient(from, 0, width - pad, 0);
+    SCALE.forEach((hex, i) => tone.addColorStop(i / 8, `#${hex}`));
+    ctx.textAlign = 'right';
+    ctx.fillText(`${$('legend-words').textContent}, 0 to ${$('legend-top').textContent}`, width - pad, height - pad);
+    ctx.fillStyle = tone;
+    ctx.fillRect(from, height - pad - 2.2 * size, 12 * size, 0.8 * size);
+}
+
+$('save-picture').addEventListener('click', () => {
+    if (!about?.object) return report(false, 'Nothing has been drawn yet.');
+    redraw(true);
+    const { width, height } = canvas, copy = make('canvas', { width, height }), ctx = copy.getContext('2d');
+    copyPicture(ctx, width, height);
+    caption(ctx, copy, knead.now?.tick ?? 0);
+    copy.toBlob((blob) => saveBlob(blob, `${stem()}.png`));
+});
+
+// Play the last 10 s again on a canvas of its own, and let the browser record it as a film.
+let filming = false;
+$('save-clip').addEventListener('click', () => {
+    if (filming) return;
+    const frames = kept.filter((frame) => Boolean(frame.jpeg) === !scene), kind = ['video/webm;codecs=vp9', 'video/webm;codecs=vp8', 'video/mp4'].find((type) => window.MediaRecorder?.isTypeSupported(type));
+    if (!kind || !about?.object || frames.length < 2) return report(false, kind ? 'Nothing has been drawn yet.' : 'This browser cannot record films.');
+    const film = make('canvas', { width: 1280, height: 720 }), ctx = film.getContext('2d'), parts = [];
+    const stage = make('canvas', { width: 1280, height: 720 });
+    let play = null;
+    try {
+        play = scene && openScene(stage, shaders);
+    } catch (error) {
+        return report(false, `The film cannot be drawn: ${error.message}`);
+    }
+    const object = about.object, view = { ...orbit };
+    play?.takeSurface(surface.data, surface.at);
+    play?.takeTools(object, loadTool);
+    const recorder = new MediaRecorder(film.captureStream(30), { mimeType: kind, videoBitsPerSecond: 6e6 });
+    recorder.ondataavailable = ({ data }) => parts.push(data);
+    recorder.onstop = () => {
+        play?.gl.getExtension('WEBGL_lose_context')?.loseContext();
+        filming = false;
+        saveBlob(new Blob(parts, { type: kind.split(';')[0] }), `${stem()}.${kind.includes('webm') ? 'webm' : 'mp4'}`);
+    };
+    recorder.start();
+    filming = true;
+    const begin = performance.now(), seconds = Math.round((frames.at(-1).at - frames[0].at) / 1000);
+    report(true, `Making a film of the last ${seconds} s ...`);
+    let shown = null;
+    const step = async () => {
+        const time = frames[0].at + performance.now() - begin;
+        const frame = frames.findLast(({ at }) => at <= time) ?? frames[0];
+        if (frame !== shown && frame.jpeg) {
+            const bitmap = await createImageBitmap(frame.jpeg).catch(() => null);
+            if (bitmap) ctx.drawImage(bitmap, 0, 0, film.width, film.height);
+            bitmap?.close();
+        } else if (frame !== shown) {
+            play.takeShape(frame.data, frame.offset, frame.size);
+            play.draw({ object, poses: frame.poses, camera: cameraOf(object, view, 16 / 9), azimuth: view.azimuth,
+                        style: $('style').value, dark: dark.matches });
+            ctx.drawImage(stage, 0, 0);
+        }
+        if (frame !== shown) caption(ctx, film, frame.tick);
+        shown = frame;
+        if (time > frames.at(-1).at) recorder.stop();
+        else setTimeout(step, 1000 / 60);
+    };
+    step();
+});
 const stem = () => (about?.scene ?? 'scene').replace(/\.yaml$/, '');
 $('save-material').addEventListener('click', () => save('material.yaml', `${stem()}-material.yaml`));
-$('save-picture').addEventListener('click', async () => {
-    if (await order('picture')) save('picture.png', `${stem()}.png`);
-});
 $('save-scene').addEventListener('click', () => save('scene.yaml', `${stem()}-served.yaml`));

@@ -1,5 +1,5 @@
 #include "clients/web/picture.h"
-#include "clients/viewer/image.h"
+#include "clients/web/page_mesh.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,25 +8,17 @@
 #include <turbojpeg.h>
 #include <unistd.h>
 
-#define QUALITY 82      // JPEG quality at which the squares of the table stay clean
-#define MOVES_MS 200    // the pointer counts as moving for this time after a pointer event
-#define PICTURE_MS 5000 // longest wait for a requested PNG of the next picture
+#define WIDTH 800 // size of a picture, pixels
+#define HEIGHT 450
+#define PERIOD_MS (1000.0 / 15) // time from one picture to the next
+#define QUALITY 82              // JPEG quality at which the squares of the table stay clean
+#define MOVES_MS 200            // the pointer counts as moving for this time after a pointer event
 
-size_t kn_picture_largest(int width, int height) { return tjBufSize(width, height, TJSAMP_420); }
+size_t kn_picture_largest(void) { return tjBufSize(WIDTH, HEIGHT, TJSAMP_420); }
 
 // ---- drawing thread
 
-// Write the PNG copy of the picture with its label. On success png_error stays empty.
-static void write_png(kn_picture *p, uint8_t *rgba)
-{
-    char bar[32];
-    p->png_error[0] = 0;
-    kn_label_bar(&p->label, bar, p->drawn_bar_m, p->width, p->height);
-    if (kn_label_draw(&p->label, p->width, p->height, rgba, p->png_error, sizeof p->png_error))
-        kn_image_write_png(p->png_path, p->width, p->height, rgba, p->png_error, sizeof p->png_error);
-}
-
-// Draw the object as stored in `still`, compress the picture, and write a PNG if wanted.
+// Draw the object as stored in `still`, and compress the picture.
 static void draw(kn_picture *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
 {
     kn_object_still *s = &p->still;
@@ -38,11 +30,9 @@ static void draw(kn_picture *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
     if (ready) {
         s->view.xyz = (const float(*)[3])s->now;
         kn_renderer_draw(r, &s->view, rgba);
-        p->drawn_bar_m = kn_renderer_bar(r, p->label.bar_at);
-        if (tjCompress2(packer, rgba, p->width, 0, p->height, TJPF_RGBX, &p->drawn_jpeg, &size, TJSAMP_420, QUALITY,
+        if (tjCompress2(packer, rgba, WIDTH, 0, HEIGHT, TJPF_RGBX, &p->drawn_jpeg, &size, TJSAMP_420, QUALITY,
                         TJFLAG_NOREALLOC) != 0)
             size = 0;
-        if (p->png) write_png(p, rgba);
     }
     p->drawn_size = size;
 }
@@ -58,10 +48,10 @@ static void *run(void *self)
     // Let llvmpipe (OpenGL in software) use two threads. While a browser on this machine also draws in software, a
     // picture takes 5 ms less than with one thread.
     setenv("LP_NUM_THREADS", "2", 0);
-    kn_renderer *r = kn_renderer_open(p->width, p->height, 1, p->error, p->error_size);
+    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, 1, p->error, p->error_size);
     tjhandle packer = tjInitCompress();
-    uint8_t *rgba = malloc((size_t)p->width * (size_t)p->height * 4);
-    p->drawn_jpeg = tjAlloc((int)kn_picture_largest(p->width, p->height));
+    uint8_t *rgba = malloc((size_t)WIDTH * HEIGHT * 4);
+    p->drawn_jpeg = tjAlloc((int)kn_picture_largest());
     bool ok = r && packer && rgba && p->drawn_jpeg;
     if (r && !ok) snprintf(p->error, p->error_size, "out of memory");
     if (!ok) atomic_store(&p->stop, true);
@@ -108,29 +98,13 @@ bool kn_picture_measured(const kn_live_server *live, int measure)
            (measure == KN_MEASURE_RESIDUAL && live->mesh.residual_strain);
 }
 
-// Colour the object by the chosen measure. The scale follows the largest value with hysteresis, so that the colours do
-// not flicker.
+// Colour the object by the chosen measure.
 static void color(kn_picture *p)
 {
-    // Smallest value at the top of the colour scale for each measure, in SI units. Smaller values are rounding errors.
-    static const double least[KN_MEASURES] = {1e-3, 100, 0.01};
     p->still.view.value = NULL;
     if (p->measure < 0 || !kn_object_still_told(&p->still, p->live, (kn_measure)p->measure)) return;
-    const double top = kn_scale_round(fmax(kn_object_still_most(&p->still), least[p->measure]));
-    // Raise the top of the scale at once, but lower it only if the largest value is below 30 % of the top.
-    if (top > p->top || top < 0.3 * p->top) p->top = top;
+    p->top = kn_page_mesh_next_top(p->top, p->measure, kn_object_still_most(&p->still));
     kn_object_still_scale(&p->still, p->top);
-}
-
-// Prepare the label of a picture, and request a PNG copy of the picture if a page waits for one.
-static void label(kn_picture *p)
-{
-    snprintf(p->caption, sizeof p->caption, "%s, %.3f s", p->live->scene->name, 1e-3 * (double)p->live->mesh.tick);
-    p->png = p->png_page >= 0 && !p->png_there;
-    p->label = (kn_label){.caption = p->caption};
-    if (p->measure < 0) return;
-    p->scale = (kn_scale){kn_measure_names[p->measure].words, kn_measure_names[p->measure].unit, p->top};
-    p->label.scale = &p->scale;
 }
 
 // Draw the next picture if it is due. A picture can be late, because it waits for the next mesh message. The picture
@@ -138,38 +112,25 @@ static void label(kn_picture *p)
 // the effect of a new pointer event is delayed a little. The thread is then free when the mesh with that effect comes.
 void kn_picture_paint(kn_picture *p)
 {
-    if (!p->live->scene || !kn_gateway_wants(p->gateway) || p->drawing) return;
+    if (!p->live->scene || !kn_gateway_wants(p->gateway, KN_WEB_PICTURE) || p->drawing) return;
     kn_page_tool_listen(p->tool);
     int64_t now_ms = kn_live_server_now_ms();
     int32_t newest = kn_page_tool_answered(p->tool, p->painting, p->live->mesh.tick);
     bool moves = kn_page_tool_idle_ms(p->tool) < MOVES_MS && newest == p->painting;
-    const double period_ms = 1000.0 / p->rate_hz;
     // A mesh that comes up to a tenth of a period early is drawn and not skipped.
-    if ((double)now_ms < p->due_ms + (moves ? 0.4 : -0.1) * period_ms || !fill_still(p)) return;
+    if ((double)now_ms < p->due_ms + (moves ? 0.4 : -0.1) * PERIOD_MS || !fill_still(p)) return;
     kn_view_scene *view = &p->still.view;
     view->azimuth_deg = p->look.azimuth_deg;
     view->elevation_deg = p->look.elevation_deg;
     view->zoom = p->look.zoom;
     view->style = p->look.style;
     color(p);
-    label(p);
-    p->frame_ms = now_ms;
     // Compensate for a late picture by at most one period.
-    p->due_ms = fmax(p->due_ms, (double)now_ms - period_ms) + period_ms;
+    p->due_ms = fmax(p->due_ms, (double)now_ms - PERIOD_MS) + PERIOD_MS;
     p->painting = newest;
     p->drawing = true;
     atomic_store(&p->drawn, false);
     sem_post(&p->wake);
-}
-
-// A page has asked for a PNG. Answer that the PNG is ready, or why it could not be made.
-static void tell_png(kn_picture *p)
-{
-    if (p->png_page < 0 || p->png_there || !p->png) return;
-    const char *why = p->drawn_size > 0 ? p->png_error : "The picture could not be drawn.";
-    kn_gateway_answer(p->gateway, p->png_page, p->png_id, !*why, "%s", *why ? why : "The picture is ready.");
-    p->png_there = !*why;
-    p->png_page = -1;
 }
 
 // Take the finished picture from the thread and send it to the pages.
@@ -180,35 +141,15 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
     // This atomic load lets the main thread see everything that the drawing thread has written before.
     if (!atomic_load(&p->drawn)) return;
     p->jpeg_size = p->drawn_size;
-    p->bar_m = p->drawn_bar_m;
     memcpy(p->jpeg, p->drawn_jpeg, p->jpeg_size);
     p->shown = p->painting;
     p->drawing = false;
     p->count++;
-    tell_png(p);
     kn_page_tool_listen(p->tool);
     kn_gateway_news(p->gateway);
 }
 
 // ---- requests
-
-kn_camera_view kn_picture_camera(const kn_picture *p)
-{
-    return (kn_camera_view){.azimuth_deg = p->look.azimuth_deg,
-                            .elevation_deg = p->look.elevation_deg,
-                            .zoom = p->look.zoom,
-                            .turns = p->look.turns,
-                            .aspect = (float)p->width / (float)p->height};
-}
-
-static void look(kn_picture *p, const kn_page_request *r)
-{
-    p->look.azimuth_deg = r->azimuth_deg;
-    p->look.elevation_deg = r->elevation_deg;
-    p->look.zoom = r->zoom;
-    const kn_camera_view view = kn_picture_camera(p);
-    kn_page_tool_look(p->tool, &view);
-}
 
 // Set the style of the picture. Return false if the name is not known.
 static bool take_style(kn_picture *p, const char *name)
@@ -219,57 +160,53 @@ static bool take_style(kn_picture *p, const char *name)
     return false;
 }
 
-// Colour the object by a measure, if the mesh messages contain the measure. Reset the top of the colour scale to 0.
-static bool take_measure(kn_picture *p, const char *name)
+// Colour the object by a measure, if the mesh messages contain the measure. Otherwise return false.
+static bool take_measure(kn_picture *p, kn_web_page *page, const char *name)
 {
     int measure = strcmp(name, "none") == 0 ? -1 : KN_MEASURES;
     for (int i = 0; i < KN_MEASURES; i++)
         if (strcmp(name, kn_measure_names[i].name) == 0) measure = i;
     const bool is = measure < 0 || kn_picture_measured(p->live, measure);
-    if (is) p->measure = measure, p->top = 0;
+    if (is && page->draws == KN_WEB_PICTURE) p->measure = measure, p->top = 0;
+    else if (is) page->measure = measure;
     return is;
 }
 
-// Request a PNG of the next picture. Return NULL, or the reason for refusing; the answer comes when the PNG is ready.
-static const char *request_png(kn_picture *p, int page, uint32_t id)
+// Let a page draw the object itself, or get pictures.
+static bool take_way(kn_web_page *page, const char *name)
 {
-    if (!*p->folder) return "There is no folder to save the picture in.";
-    if (p->png_page >= 0) return "Another picture is being saved.";
-    p->png_page = page;
-    p->png_id = id;
-    p->png_ms = kn_live_server_now_ms();
-    p->png_there = false;
-    return NULL;
+    const bool mesh = strcmp(name, "mesh") == 0;
+    if (!mesh && strcmp(name, "picture") != 0) return false;
+    page->draws = mesh ? KN_WEB_MESH : KN_WEB_PICTURE;
+    page->surface = 0; // the page gets the surface again
+    return true;
 }
 
 void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
 {
+    kn_web_page *of = &p->gateway->page[page];
     bool ok = true;
-    const char *words = "View changed.";
+    const char *words = "The view has changed.";
     switch (r->verb) {
-    case KN_VERB_STYLE: ok = take_style(p, words = r->name); break;
-    case KN_VERB_MEASURE:
-        ok = take_measure(p, r->name);
-        words = ok ? "Coloured." : "The meshes do not contain this measure: see the scene's mesh.measures.";
+    case KN_VERB_DRAW:
+        ok = take_way(of, r->name);
+        words = ok ? "Drawing." : "expected mesh or picture";
         break;
-    case KN_VERB_PICTURE: ok = !(words = request_png(p, page, r->id)); break;
-    default: look(p, r); break;
+    case KN_VERB_STYLE:
+        ok = take_style(p, r->name);
+        if (!ok) words = "expected lined, solid or wire";
+        break;
+    case KN_VERB_MEASURE:
+        ok = take_measure(p, of, r->name);
+        words =
+            ok ? "The colours have changed." : "The meshes do not contain this measure: see the scene's mesh.measures.";
+        break;
+    default:
+        p->look.azimuth_deg = r->azimuth_deg;
+        p->look.elevation_deg = r->elevation_deg;
+        p->look.zoom = r->zoom;
     }
-    if (words) kn_gateway_answer(p->gateway, page, r->id, ok, "%s", words);
-}
-
-// Give up a requested PNG that was not drawn in time, because no mesh arrives or no page can take a picture.
-void kn_picture_turn(kn_picture *p)
-{
-    if (p->png_page < 0 || p->png_there || p->drawing || kn_live_server_now_ms() - p->png_ms < PICTURE_MS) return;
-    kn_gateway_answer(p->gateway, p->png_page, p->png_id, false,
-                      "No picture has been drawn for 5 s: is kneadd serving?");
-    p->png_page = -1;
-}
-
-void kn_picture_gone(kn_picture *p, int page)
-{
-    if (p->png_page == page) p->png_page = -1;
+    kn_gateway_answer(p->gateway, page, r->id, ok, "%s", words);
 }
 
 // ---- start and stop
@@ -279,13 +216,12 @@ bool kn_picture_open(kn_picture *p, char *error, size_t error_size)
     p->error = error;
     p->error_size = error_size;
     p->fresh = true;
-    p->measure = p->png_page = -1;
+    p->measure = -1;
     p->still.view = p->look = kn_view_scene_default();
     p->look.turns = p->still.view.turns = true;
     p->still.view.hands = true;
-    snprintf(p->png_path, sizeof p->png_path, "%s/picture.png", p->folder);
     snprintf(error, error_size, "out of memory");
-    if (!(p->jpeg = malloc(kn_picture_largest(p->width, p->height)))) return false;
+    if (!(p->jpeg = malloc(kn_picture_largest()))) return false;
     ev_async_init(&p->painted, on_painted);
     p->painted.data = p;
     ev_async_start(p->ev, &p->painted);
@@ -311,5 +247,4 @@ void kn_picture_close(kn_picture *p)
         kn_object_still_free(&p->still);
     }
     free(p->jpeg);
-    if (*p->folder) unlink(p->png_path);
 }

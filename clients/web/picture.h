@@ -3,21 +3,18 @@
 // Pictures for the pages of `knead web`: the view, the colours and the time of each picture, and a thread that draws
 // one still (object_still.h) at a time as a JPEG, while the main thread handles messages. The drawing thread opens,
 // uses and closes OpenGL itself, because an OpenGL context belongs to one thread. The drawing thread runs at nice 5,
-// because pictures may be late and forces may not. On request a picture is also written as a PNG.
+// because pictures may be late and forces may not. A page gets pictures if its browser cannot draw (no WebGL). All such
+// pages share one view.
 //
 //     new mesh -> kn_picture_paint -> (drawing thread) -> jpeg, jpeg_size, count
 #include "clients/picture/object_still.h"
-#include "clients/viewer/label.h"
 #include "clients/web/page_tool.h"
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdatomic.h>
 
 typedef struct kn_picture {
-    // Set by the caller. width, height: size of a picture, pixels; rate_hz: pictures per second; folder: folder for the
-    // PNG, "": none.
-    int width, height, rate_hz;
-    const char *folder;
+    // Set by the caller.
     struct ev_loop *ev;
     kn_gateway *gateway;
     kn_live_server *live;
@@ -25,25 +22,17 @@ typedef struct kn_picture {
     // State, read by other modules.
     uint8_t *jpeg; // newest finished picture; the thread works on the next one
     size_t jpeg_size;
-    double bar_m;       // length of the scale bar on the table in the picture `jpeg`
     uint32_t count;     // number of finished pictures
     int32_t shown;      // number of the newest pointer event in the last finished picture
     kn_view_scene look; // view and style of the next picture
     int measure;        // measure that colours the object, -1: none
     double top;         // value at the top of the colour scale, in the unit of the measure
     int64_t mesh_id;    // id of the mesh in `still`; the caller sets 0 when the scene has changed
-    int64_t frame_ms;   // time when the last drawing began
-    bool png_there;     // true: the requested PNG is ready, at png_path
-    char png_path[128];
     // Fields shared with the drawing thread, which owns them from the start of a drawing until `drawn` is true.
     kn_object_still still;
     bool fresh;               // true: `still` has a new topology or rest shape (vertex_count, mesh_id)
-    bool png;                 // true: make a PNG copy of the next picture, with the texts in `label`
-    kn_label label;           // texts to write on the PNG copy; the thread adds the text of the scale bar
     uint8_t *drawn_jpeg;      // the drawn picture
     unsigned long drawn_size; // size of drawn_jpeg, bytes; 0: the drawing failed
-    double drawn_bar_m;
-    char png_error[256]; // reason why the PNG copy was not written, or ""
     // The fields below are used by picture.c only.
     ev_async painted;
     atomic_bool stop, drawn;
@@ -55,25 +44,17 @@ typedef struct kn_picture {
     bool drawing;     // true: the thread draws, or its picture has not been fetched yet
     int32_t painting; // number of the newest pointer event in the picture being drawn
     double due_ms;    // time when the next drawing should begin
-    char caption[160];
-    kn_scale scale;
-    int png_page;    // index of the page that waits for a PNG of the next picture, -1: none
-    uint32_t png_id; // id of the page's request for the PNG
-    int64_t png_ms;  // time of the request for the PNG
 } kn_picture;
 
-size_t kn_picture_largest(int width, int height); // returns the largest size of a JPEG of width x height pixels, bytes
+size_t kn_picture_largest(void); // returns the largest size of a picture, bytes
 // Start the thread. The picture must be zeroed except for the fields of the caller, and must not move in memory
 // afterwards. If OpenGL is not available, return false and one line in `error`.
 bool kn_picture_open(kn_picture *picture, char *error, size_t error_size);
-kn_camera_view kn_picture_camera(const kn_picture *picture);
 // Return true if the mesh messages contain this measure.
 bool kn_picture_measured(const kn_live_server *live, int measure);
 void kn_picture_paint(kn_picture *picture); // draws the next picture if one is due
-// Handle a request of a page: VIEW, STYLE, MEASURE or PICTURE.
+// Handle a request of a page: DRAW, VIEW, STYLE or MEASURE. A measure is the page's own if the page draws the object.
 void kn_picture_request(kn_picture *picture, int page, const kn_page_request *request);
-void kn_picture_turn(kn_picture *picture);           // called ten times a second: gives up a PNG that comes too late
-void kn_picture_gone(kn_picture *picture, int page); // forgets a page
 void kn_picture_close(kn_picture *picture);
 
 #endif

@@ -13,9 +13,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Largest size of a message without its picture, bytes: `about`, 16 answers (200 characters per answer, at most 6 bytes
-// per character), and the traces.
-#define ROOM (KN_PAGE_STATE_ABOUT + 40960)
 // Longest TMPDIR, including NUL. w->folder has room for TMPDIR and the name of this run's folder.
 #define FOLDER_MAX 40
 
@@ -31,8 +28,6 @@ static const char help[] =
     "  --probe NAME       tool that the pointer moves (default: the scene's first round probe; if none, its first)\n"
     "  --address HOST     IPv4 address of this machine to serve the page at (default: 127.0.0.1)\n"
     "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
-    "  --rate HZ          pictures per second, 5 to 60, at most the scene's mesh.rate (default: 30)\n"
-    "  --size WxH         size of a picture, 160 to 1920 pixels each (default: 800x450)\n"
     "  --control PATH     control socket of kneadd (its --control), needed for the operator's buttons (default: none)\n"
     "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: none)\n"
     "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
@@ -43,6 +38,13 @@ static const char help[] =
     "  --listen-fd N      serve the page on descriptor N, a listening socket that --bind has opened\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus, no socket or no OpenGL.\n";
 // clang-format on
+
+// Return the largest size of a message, bytes.
+static size_t largest(const kn_web *w)
+{
+    const size_t mesh = kn_page_mesh_largest(&w->mesh), picture = kn_picture_largest();
+    return KN_PAGE_STATE_JSON + (mesh > picture ? mesh : picture);
+}
 
 static int fail(int code, const char *what) { return fprintf(stderr, "knead web: %s\n", what), code; }
 
@@ -113,15 +115,11 @@ static bool recording(kn_web *w, int number, const char *kind, kn_web_file *file
 static bool fetch(void *self, const char *name, kn_web_file *file)
 {
     kn_web *w = self;
-    if (strcmp(name, "material.yaml") == 0) return material(w, file);
-    if (strcmp(name, "picture.png") == 0 && w->picture.png_there) {
-        file->type = "image/png";
-        strcpy(file->path, w->picture.png_path);
-        return true;
-    }
-    // Take only the number of a recording and the kind of a file from the name that the page sent.
     int number;
     char kind[8], end;
+    if (strcmp(name, "material.yaml") == 0) return material(w, file);
+    if (sscanf(name, "tool-%1d%c", &number, &end) == 1) return kn_page_mesh_tool(&w->mesh, number, file);
+    // Take only the number of a recording and the kind of a file from the name that the page sent.
     if (sscanf(name, "recording/%6d.%7[a-z]%c", &number, kind, &end) == 2) return recording(w, number, kind, file);
     if (strcmp(name, "scene.yaml") == 0) return scene(w, file);
     return false;
@@ -131,7 +129,8 @@ static bool fetch(void *self, const char *name, kn_web_file *file)
 
 static void on_message(void *self, int page, const kn_web_message *m)
 {
-    kn_page_tool_point(&((kn_web *)self)->tool, page, m);
+    kn_web *w = self;
+    kn_page_tool_point(&w->tool, page, m);
 }
 
 // Pass a request to the module that handles it. After an order to kneadd, control_client.c asks for the new status, and
@@ -140,10 +139,10 @@ static void on_request(void *self, int page, const kn_page_request *r)
 {
     kn_web *w = self;
     switch (r->verb) {
+    case KN_VERB_DRAW:
     case KN_VERB_VIEW:
     case KN_VERB_STYLE:
-    case KN_VERB_MEASURE:
-    case KN_VERB_PICTURE: kn_picture_request(&w->picture, page, r); break;
+    case KN_VERB_MEASURE: kn_picture_request(&w->picture, page, r); break;
     case KN_VERB_RECORD:
     case KN_VERB_STOP:
     case KN_VERB_VERIFY:
@@ -157,7 +156,6 @@ static void on_request(void *self, int page, const kn_page_request *r)
 static void on_gone(void *self, int page)
 {
     kn_web *w = self;
-    kn_picture_gone(&w->picture, page);
     kn_recordings_gone(&w->recordings, page);
     kn_control_client_gone(&w->client, page);
     kn_page_tool_gone(&w->tool, page);
@@ -166,7 +164,8 @@ static void on_gone(void *self, int page)
 // Return true if a page keeps its place, because it has the tool or gave the last order.
 static bool stays(void *self, int page)
 {
-    return page == ((kn_web *)self)->tool.owner || page == ((kn_web *)self)->client.ordered_by;
+    const kn_web *w = self;
+    return page == w->tool.owner || page == w->client.ordered_by;
 }
 
 // ---- events of the bus and of the clock
@@ -174,14 +173,36 @@ static bool stays(void *self, int page)
 // If a new scene has come, adapt the tool, the pictures and the state to it.
 static void take_scene(kn_web *w)
 {
-    const kn_camera_view view = kn_picture_camera(&w->picture);
-    if (!kn_page_tool_scene(&w->tool, &view)) return;
+    if (!kn_page_tool_scene(&w->tool)) return;
+    kn_page_mesh_forget(&w->mesh);
     w->picture.mesh_id = 0;
     kn_page_state_scene(w);
     kn_page_state_refresh(w);
 }
 
-// Handle bus messages. A new mesh changes the height at which the tool hovers, and may start a picture.
+// Send news to the pages.
+static void tell(kn_web *w)
+{
+    w->told_ms = kn_live_server_now_ms();
+    kn_gateway_news(&w->gateway);
+}
+
+// Take a new mesh: the tools hover at another height, and each page gets the mesh or a picture of it.
+static void take_mesh(kn_web *w)
+{
+    const int64_t surface = w->mesh.surface;
+    w->state.meshes = w->live.meshes;
+    w->state.mesh_ms = kn_live_server_now_ms();
+    kn_page_tool_mesh(&w->tool);
+    kn_page_tool_listen(&w->tool); // which pointer events the mesh shows, and the traces up to now
+    if (kn_gateway_pages(&w->gateway) == 0) return;
+    const bool taken = kn_page_mesh_take(&w->mesh) && kn_gateway_reserve(&w->gateway, largest(w));
+    if (w->mesh.surface != surface) kn_page_state_refresh(w);
+    if (taken && kn_gateway_wants(&w->gateway, KN_WEB_MESH)) tell(w);
+    kn_picture_paint(&w->picture);
+}
+
+// Handle bus messages.
 static void on_readable(struct ev_loop *ev, ev_io *io, int events)
 {
     (void)ev, (void)events;
@@ -189,10 +210,7 @@ static void on_readable(struct ev_loop *ev, ev_io *io, int events)
     kn_live_server_listen(&w->live, 0);
     take_scene(w);
     if (w->live.meshes == w->state.meshes) return;
-    w->state.meshes = w->live.meshes;
-    w->state.mesh_ms = kn_live_server_now_ms();
-    kn_page_tool_mesh(&w->tool);
-    kn_picture_paint(&w->picture);
+    take_mesh(w);
 }
 
 // Do the periodic work of the main thread. This function is called ten times a second, even when no message arrives.
@@ -203,7 +221,6 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events)
     int64_t now_ms = kn_live_server_now_ms();
     kn_page_tool_turn(&w->tool);
     kn_control_client_ask_status(&w->client);
-    kn_picture_turn(&w->picture);
     if (kn_recordings_turn(&w->recordings)) kn_page_state_refresh(w);
     // Once a second, update the rate of mesh messages and the lists that change seldom.
     if (now_ms - w->state.counted_ms >= 1000) {
@@ -211,8 +228,8 @@ static void on_due(struct ev_loop *ev, ev_timer *t, int events)
         if (kn_gateway_pages(&w->gateway) > 0) kn_control_client_list_scenes(&w->client);
         kn_page_state_refresh(w);
     }
-    // Send the status to the pages, even if there is no new picture.
-    if (now_ms - w->picture.frame_ms > 200) kn_gateway_news(&w->gateway);
+    // Send the status to the pages, even if there is no new mesh.
+    if (now_ms - w->told_ms > 200) tell(w);
 }
 
 static void on_stop(struct ev_loop *ev, ev_signal *s, int events)
@@ -239,7 +256,7 @@ static void watch(kn_web *w)
     }
 }
 
-// Make this run's folder for recordings and pictures. Without a folder, the page works but cannot save.
+// Make this run's folder for recordings. Without a folder, the page works but cannot save.
 static void make_folder(kn_web *w)
 {
     const char *wanted = getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp";
@@ -248,7 +265,7 @@ static void make_folder(kn_web *w)
         fprintf(stderr, "knead web: TMPDIR %s: expected at most %d characters; using /tmp\n", wanted, FOLDER_MAX - 1);
     snprintf(w->folder, sizeof w->folder, "%s/knead-web.XXXXXX", fits ? wanted : "/tmp");
     if (mkdtemp(w->folder)) return;
-    fprintf(stderr, "knead web: %s: %s: recordings and pictures cannot be saved\n", w->folder, strerror(errno));
+    fprintf(stderr, "knead web: %s: %s: nothing can be recorded\n", w->folder, strerror(errno));
     w->folder[0] = 0;
 }
 
@@ -258,7 +275,7 @@ static bool open_all(kn_web *w)
     make_folder(w);
     w->ev = w->client.ev = w->picture.ev = w->recordings.ev = ev_default_loop(EVFLAG_AUTO);
     w->client.gateway = w->tool.gateway = w->picture.gateway = w->recordings.gateway = &w->gateway;
-    w->client.live = w->tool.live = w->picture.live = &w->live;
+    w->client.live = w->tool.live = w->mesh.live = w->picture.live = &w->live;
     w->picture.tool = w->recordings.tool = &w->tool;
     w->recordings.client = &w->client;
     w->client.path = w->control;
@@ -267,10 +284,7 @@ static bool open_all(kn_web *w)
     w->client.arg = w->recordings.arg = w->gateway.arg = w;
     w->tool.probe = w->probe;
     w->tool.url = w->recordings.url = w->url;
-    w->picture.folder = w->recordings.folder = w->folder;
-    w->picture.width = w->width;
-    w->picture.height = w->height;
-    w->picture.rate_hz = w->rate_hz;
+    w->recordings.folder = w->folder;
     w->gateway.on_message = on_message;
     w->gateway.on_request = on_request;
     w->gateway.on_gone = on_gone;
@@ -283,9 +297,8 @@ static bool open_all(kn_web *w)
     // Open the gateway last, so that no page is served before all other parts work.
     return kn_page_tool_open(&w->tool) && w->ev &&
            kn_live_server_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) && kn_page_state_open(w) &&
-           kn_picture_open(&w->picture, w->error, sizeof w->error) &&
-           kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd,
-                           kn_picture_largest(w->width, w->height) + ROOM, w->error, sizeof w->error);
+           kn_picture_open(&w->picture, w->error, sizeof w->error) && kn_gateway_reserve(&w->gateway, largest(w)) &&
+           kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd, w->error, sizeof w->error);
 }
 
 static void close_all(kn_web *w)
@@ -293,6 +306,7 @@ static void close_all(kn_web *w)
     // Closing the gateway ends all pages, so no page has the tool any more.
     kn_gateway_close(&w->gateway);
     kn_page_tool_close(&w->tool);
+    kn_page_mesh_close(&w->mesh);
     kn_control_client_close(&w->client);
     kn_picture_close(&w->picture);
     kn_live_server_close(&w->live);
@@ -314,15 +328,6 @@ static int bind_and_become(const kn_web *w, char **command)
     execvp(command[0], command);
     fprintf(stderr, "knead web: --bind %s: %s\n", command[0], strerror(errno));
     return KN_EXIT_USAGE;
-}
-
-static const char *take_size(void *web, const char *word)
-{
-    kn_web *w = web;
-    char end = 0;
-    const bool good = *word >= '0' && *word <= '9' && sscanf(word, "%4dx%4d%c", &w->width, &w->height, &end) == 2 &&
-                      w->width >= 160 && w->width <= 1920 && w->height >= 160 && w->height <= 1920;
-    return good ? NULL : "WxH, 160..1920 pixels on each side, e.g. 960x540";
 }
 
 static const char *take_address(void *host, const char *text)
@@ -357,8 +362,6 @@ static int parse(kn_web *w, int argc, char **argv)
         KN_OPTION("address", SPECIAL, AT(host), .take = take_address),
         KN_OPTION("probe", TEXT, AT(probe)),
         KN_OPTION("port", DIGITS, AT(port), KN_RANGE(0, 65535), .expected = "a port, 0..65535"),
-        KN_OPTION("rate", DIGITS, AT(rate_hz), KN_RANGE(5, 60), .expected = "pictures per second, 5..60"),
-        KN_OPTION("size", SPECIAL, .take = take_size),
         KN_OPTION("bind", FLAG, AT(bind)),
         KN_OPTION("control", TEXT, AT(control), .expected = "a path"),
         KN_OPTION("lcm-url", TEXT, AT(url)),
@@ -386,7 +389,7 @@ static int parse(kn_web *w, int argc, char **argv)
 
 int kn_web_main(int argc, char **argv)
 {
-    static kn_web w = {.width = 800, .height = 450, .listen_fd = -1, .rate_hz = 30, .host = "127.0.0.1"};
+    static kn_web w = {.listen_fd = -1, .host = "127.0.0.1"};
     int code = parse(&w, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (w.bind) return bind_and_become(&w, argv + optind);

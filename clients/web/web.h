@@ -4,15 +4,20 @@
 // module owns its struct. web.c opens the modules, passes events on to them and closes them; page_state.c only reads
 // them.
 //
-//     gateway: browsers        page_tool: the tool, its motion, and the page that has it     picture: the pictures
-//     control_client: kneadd   recording: recordings, verified and played again              page_state: the rest
+//     gateway: browsers        page_tool: the tool, its motion, and the page that has it     page_mesh: the mesh
+//     control_client: kneadd   recording: recordings, verified and played again            picture: the pictures
+//     page_state: the rest
+#include "clients/web/page_mesh.h"
 #include "clients/web/picture.h"
 #include "clients/web/recording.h"
 #include "proto/knead_health_t.h"
 #include "proto/knead_status_t.h"
 #include "proto/knead_touch_patch_t.h"
 
-#define KN_PAGE_STATE_ABOUT 24576 // largest size of `about`, bytes
+#define KN_PAGE_STATE_ABOUT 32768 // largest size of `about`, bytes
+// Room for the JSON of a message, bytes: `about`, the traces (1024 samples of four numbers), 16 answers of 200
+// characters, of which each may take 6 bytes, and the state.
+#define KN_PAGE_STATE_JSON (KN_PAGE_STATE_ABOUT + 98304)
 
 // State of kneadd as reported on the bus, and the description `about` that is sent to the pages. The newest message of
 // each kind is kept. A message that cannot be decoded is ignored.
@@ -42,7 +47,7 @@ typedef struct kn_page_state {
 typedef struct kn_web {
     struct { // options
         const char *probe, *url, *mesh_url, *control, *scenes, *host;
-        int port, width, height, listen_fd, rate_hz;
+        int port, listen_fd;
         bool bind;
     };
     struct ev_loop *ev;
@@ -55,7 +60,9 @@ typedef struct kn_web {
     kn_gateway gateway;
     kn_control_client client;
     kn_page_tool tool;
+    kn_page_mesh mesh;
     kn_picture picture;
+    int64_t told_ms; // time when the pages last got news
     kn_recordings recordings;
     kn_page_state state;
 } kn_web;

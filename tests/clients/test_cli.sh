@@ -47,8 +47,7 @@ begins 2 'knead probe: --held with --local' knead probe --hand light --local --h
 for alone in --device=touch --axes=1 --delay=0.001 --local --held --loss=0.1; do
     begins 2 "knead probe: ${alone%%=*}: expected --hand as well, because the option is for a simulated device" knead probe $alone
 done
-begins 2 'knead web: --rate 4: expected pictures per second, 5..60' knead web --rate 4
-begins 2 'knead web: --size 100x800: expected WxH, 160..1920 pixels' knead web --size 100x800
+begins 2 'knead web: --port 70000: expected a port, 0..65535' knead web --port 70000
 begins 2 'knead web: --listen-fd 0: expected a listening socket' knead web --listen-fd 0
 begins 2 'knead web: page: expected an option' knead web page
 begins 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No such file or directory)' knead probe --path nope

@@ -142,7 +142,7 @@ class Browser:
         options.binary_location = "/usr/bin/chromium"
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         options.accept_insecure_certs = True  # as a user who has compared the fingerprint
-        for flag in ("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-sync",
+        for flag in ("headless=new", "no-sandbox", "disable-gpu", "enable-unsafe-swiftshader", "disable-quic", "no-first-run", "disable-sync",
                      "disable-background-networking", "disable-component-update", "hide-scrollbars",
                      f"window-size={width},{height}", f"user-data-dir={os.getcwd()}/chromium"):
             options.add_argument("--" + flag)
@@ -164,13 +164,16 @@ class Browser:
         return self.run("return document.getElementById(arguments[0]).textContent", id)
 
     def place(self, u, v):  # window pixels of a point of the picture
-        x, y, w, h = self.run("const b = picture.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]")
+        x, y, w, h = self.run("const b = canvas.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]")
         return x + u * w, y + v * h
 
     def mouse(self, kind, x, y, button="left", held=1):
         self.x, self.y = x, y
         self.devtools("Input.dispatchMouseEvent", type="mouse" + kind, x=x, y=y, clickCount=int(kind != "Moved"),
                       button="none" if kind == "Moved" else button, buttons=held)
+
+    def top(self):  # where the middle of the object's top is in the picture
+        return tuple(self.run("return seenAt(camera(), [0, 0, about.object.high[2]])"))
 
     def hover(self, u, v):
         self.mouse("Moved", *self.place(u, v), held=0)
@@ -191,19 +194,21 @@ class Browser:
                       text=text if kind == "Down" else "")
 
     def complaints(self):  # messages of our page on the console
-        return [line for line in self.driver.get_log("browser") if not line["message"].startswith("chrome://")]
+        ours = lambda words: not words.startswith("chrome://") and "GPU stall due to ReadPixels" not in words  # keep reads
+        return [line for line in self.driver.get_log("browser") if ours(line["message"])]
 
     def screenshot(self, path):
         self.driver.save_screenshot(path)
 
     def keep(self, name):  # keep the picture for a comparison
-        self.run("""const { width, height } = picture;
+        self.run("""redraw(true);
+            const { width, height } = canvas;
             const copy = Object.assign(document.createElement('canvas'), { width, height });
             const ctx = copy.getContext('2d', { willReadFrequently: true });
-            ctx.drawImage(picture, 0, 0);
-            (window.kept ??= {})[arguments[0]] = ctx.getImageData(0, 0, width, height).data""", name)
+            copyPicture(ctx, width, height);
+            (window.pictures ??= {})[arguments[0]] = ctx.getImageData(0, 0, width, height).data""", name)
 
     def changed(self, a, b):  # number of pixels of picture b that differ from a's by more than JPEG noise
-        return self.run("""let [a, b] = [...arguments].map((n) => kept[n]), count = 0;
+        return self.run("""let [a, b] = [...arguments].map((n) => pictures[n]), count = 0;
             for (let i = 0; i < a.length; i += 4) count += Math.abs(a[i] - b[i]) + Math.abs(a[i + 1] - b[i + 1]) > 24;
             return count""", a, b)

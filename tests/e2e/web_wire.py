@@ -4,6 +4,7 @@
 import contextlib
 import hashlib
 import json
+import math
 import os
 import socket
 import ssl
@@ -20,8 +21,9 @@ TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 POINTER, SEEN = 1, 2
 
 
-def message(kind, number=1, pressed=0, u=0.5, v=0.4, depth_m=0.005):
-    return struct.pack("<IBBHfff", number, kind, pressed, 0, u, v, depth_m)
+def message(kind, number=1, pressed=0, tool=0, x=0, y=0, depth_m=0.005, eye=None, sight=(0, 0, -1)):  # from above
+    head = struct.pack("<IBBBB", number, kind, pressed, tool, 0)
+    return head if kind == SEEN else head + struct.pack("<7f", depth_m, *(eye or (x, y, 1)), *sight)
 
 
 TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -45,9 +47,11 @@ def get(port, path, *headers, address="127.0.0.1", host=None):  # (status, head 
 
 
 class Wire:
-    """A WebSocket that may do everything wrong. status: of the HTTP answer, 101 when it was let in."""
+    """A WebSocket that may do everything wrong. status: of the HTTP answer, 101 when it was let in. draws: mesh,
+    picture, or nothing."""
 
-    def __init__(self, server, token=None, host=None, origin=None, protocol="knead", path="/ws", upgrade="websocket"):
+    def __init__(self, server, token=None, host=None, origin=None, protocol="knead", path="/ws", upgrade="websocket",
+                 draws="mesh"):
         scheme, good = server.address.split("/")[0], server.address.split("/")[2]
         self.s = join(server.port, good.split(":")[0])
         lines = [f"GET {path} HTTP/1.1", f"Host: {good if host is None else host}", f"Upgrade: {upgrade}",
@@ -61,6 +65,8 @@ class Wire:
         self.body = "" if self.status == 101 else self.rest().decode(errors="replace")
         if self.status == 101 and token != "":
             self.send(TEXT, (token or server.token).encode())
+            if draws and not token:
+                self.send(TEXT, json.dumps({"id": 1000000, "do": "draw", "name": draws}).encode())
 
     def fill(self):
         more = self.s.recv(65536)
@@ -108,7 +114,7 @@ class Wire:
             size = struct.unpack_from(form, self.got, 2)[0]
         return begin, begin + size
 
-    def state(self, see=True):  # the next message: (its object, bytes of the picture)
+    def state(self, see=True):  # the next message: (its object, bytes of the shape and the picture)
         got = self.receive()
         if got is None or got[0] != BINARY:
             return None, 0
@@ -116,7 +122,10 @@ class Wire:
         now = json.loads(got[1][4:4 + size])
         if see:
             self.send(BINARY, message(SEEN, now["frame"]))
-        return now, len(got[1]) - 4 - size
+        if len(got[1]) != 4 + size + sum(now["blocks"]):
+            check("the blocks of a message have the sizes that it tells", False, len(got[1]), size, now["blocks"])
+        self.blocks = got[1][4 + size:]
+        return now, sum(now["blocks"][1:])
 
     def point(self, **where):
         self.number += 1
@@ -173,7 +182,7 @@ class Page(threading.Thread):
             self.lost += self.frames > 30 and not now["mine"]
             elapsed = time.monotonic() - begin
             press = self.presses and elapsed % 4 > 2
-            self.wire.point(pressed=int(press), u=0.45 + 0.02 * (int(elapsed / 4) % 6), depth_m=0.003)
+            self.wire.point(pressed=int(press), x=-0.008 + 0.003 * (int(elapsed / 4) % 6), depth_m=0.003)
         self.wire.close()
 
     def stop(self):
@@ -226,7 +235,8 @@ def another_address(server):
 
 def files(server):
     for path, name in ("/", "page.html"), ("/app.js", "app.js"), ("/panels.js", "panels.js"), \
-            ("/trace.js", "trace.js"), ("/style.css", "style.css"):
+            ("/trace.js", "trace.js"), ("/scene.js", "scene.js"), \
+            ("/shaders.glsl", "../viewer/shaders.glsl"), ("/style.css", "style.css"):
         status, head, body = get(server.port, path)
         same = body == open(f"{os.environ['KN_SOURCE']}/clients/web/{name}", "rb").read()
         check(f"{path} is {name} with a strict content security policy",
@@ -278,9 +288,10 @@ def refusals(server):
 def bad_messages(server):
     nan, infinite = float("nan"), float("inf")
     for sentence, send, code, words in [
-            ("7 bytes", lambda w: w.send(BINARY, b"1234567"), 1002, "expected 20 bytes"),
-            ("no bytes", lambda w: w.send(BINARY, b""), 1002, "expected 20 bytes"),
-            ("21 bytes", lambda w: w.send(BINARY, bytes(21)), 1002, "expected 20 bytes"),
+            ("7 bytes", lambda w: w.send(BINARY, b"1234567"), 1002, "expected 36 or 8 bytes"),
+            ("no bytes", lambda w: w.send(BINARY, b""), 1002, "expected 36 or 8 bytes"),
+            ("21 bytes", lambda w: w.send(BINARY, bytes(21)), 1002, "expected 36 or 8 bytes"),
+            ("a pointer of 8 bytes", lambda w: w.send(BINARY, message(POINTER)[:8]), 1002, "kind 2 in 8 bytes"),
             ("a text that is no JSON", lambda w: w.send(TEXT, b"x" * 20), 1002, "JSON object"),
             ("no object", lambda w: w.send(TEXT, b"[1]"), 1002, "JSON object"),
             ("the same field twice", lambda w: w.send(TEXT, b'{"id":1,"id":2,"do":"undo"}'), 1002, "JSON object"),
@@ -297,12 +308,14 @@ def bad_messages(server):
              ""),
             ("a text of 257 bytes", lambda w: w.send(TEXT, b" " * 257), 1009, "too large"),
             ("an unknown kind", lambda w: w.send(BINARY, message(9)), 1002, "kind"),
-            ("half pressed", lambda w: w.send(BINARY, message(POINTER, pressed=2)), 1002, "0..1"),
-            ("u not a number", lambda w: w.send(BINARY, message(POINTER, u=nan)), 1002, "0..1"),
-            ("v infinite", lambda w: w.send(BINARY, message(POINTER, v=infinite)), 1002, "0..1"),
-            ("v outside of the picture", lambda w: w.send(BINARY, message(POINTER, v=1.01)), 1002, "0..1"),
+            ("an unknown press", lambda w: w.send(BINARY, message(POINTER, pressed=2)), 1002, "0..1"),
+            ("a byte that must be 0", lambda w: w.send(BINARY, message(POINTER, tool=1)), 1002, "malformed pointer"),
+            ("an eye that is not a number", lambda w: w.send(BINARY, message(POINTER, x=nan)), 1002, "line of sight"),
+            ("an infinite direction", lambda w: w.send(BINARY, message(POINTER, sight=(0, 0, infinite))), 1002, "sight"),
+            ("an eye 20 km away", lambda w: w.send(BINARY, message(POINTER, eye=(0, 0, 2e4))), 1002, "line of sight"),
             ("a depth of a metre", lambda w: w.send(BINARY, message(POINTER, depth_m=1)), 1002, "0.1 m"),
             ("a negative depth", lambda w: w.send(BINARY, message(POINTER, depth_m=-0.001)), 1002, "0.1 m"),
+            ("37 bytes", lambda w: w.send(BINARY, bytes(37)), 1009, "too large"),
             ("65 bytes", lambda w: w.send(BINARY, bytes(65)), 1009, "too large"),
             ("a megabyte", lambda w: w.send(BINARY, bytes(1 << 20)), 1009, "too large"),
             ("five fragments of 16 bytes",
@@ -361,6 +374,28 @@ def downloads(server):
         check(f"{path}: no such download", status in (400, 403, 404) and b"root:" not in body, status, body)
 
 
+def shapes(server, bus):
+    """The shape that a page gets is the mesh on the bus, within 1e-4 of the diagonal of its box."""
+    wire, off = Wire(server), []
+    wire.press(bus)
+
+    def alike():
+        now, _ = wire.state()
+        wire.point(pressed=1)
+        begin, size, _ = now["blocks"]
+        if not size or now["tick"] != bus.mesh_tick:
+            return False
+        box, count = struct.unpack_from("<6f", wire.blocks, begin), len(bus.now)
+        steps, heights = struct.unpack_from(f"<{3 * count}H", wire.blocks, begin + 24), bus.now
+        if now["tick"] != bus.mesh_tick:
+            return False
+        apart = max(abs(box[2] + step / 65534 * (box[5] - box[2]) - z) for step, z in zip(steps[2::3], heights))
+        off.append(apart / math.dist(box[:3], box[3:]))
+        return size == 24 + 6 * count and off[-1] < 1e-4
+    check("the shape on the page's socket is the mesh on the bus", until(alike), off[-3:])
+    wire.close()
+
+
 def slow(server, bus):
     wire, before = Wire(server), server.memory_kb()
     wire.state(see=False)
@@ -381,16 +416,17 @@ def slow(server, bus):
 def crowds(server, page):
     for _ in range(10):
         wire = Wire(server)
-        seen = [wire.state() for _ in range(2)]
+        seen = [wire.state() for _ in range(4)]
         wire.close()
-        if not check("a new connection gets the state and a picture at once",
-                     seen[0][0] and any(picture for _, picture in seen), seen):
+        if not check("a new connection gets the state and a mesh at once",
+                     seen[0][0] and any(shape for _, shape in seen), [shape for _, shape in seen]):
             break
-    more = [Wire(server) for _ in range(3)]
-    check("four pages at once are served", more[1].ask("reset")["ok"] and all(wire.state()[0] for wire in more))
+    more = [Wire(server, draws="picture" if i == 1 else "mesh") for i in range(31)]
+    check("32 pages at once are served", more[1].ask("reset")["ok"] and all(wire.state()[0] for wire in more))
+    check("one of them gets pictures", until(lambda: more[1].state()[0]["blocks"][2] > 5000 and more[1].blocks[:2] == b"\xff\xd8"))
     beyond = [wire for _ in range(6) if (wire := Wire(server)).state()[0]]
     check("six more pages take the places of earlier ones", len(beyond) == 6, len(beyond))
-    told = [wire.closed() for wire in [more[0], more[2], *beyond[:4]]]
+    told = [wire.closed() for wire in [more[0], *more[2:7]]]
     check("the replaced pages get the reason", all(code == 4429 and "newer page" in words for code, words in told), told)
     check("the page with the tool and the page of the last command are not replaced",
           page.is_alive() and page.lost == 0 and more[1].state()[0] is not None, page.lost)
@@ -505,9 +541,9 @@ def stopped(server):
 
 def turned(server, bus):
     wire, other = Wire(server), Wire(server)
-    held = lambda: wire.status_at(u=0.42, pressed=1)
+    held = lambda: wire.status_at(x=-0.01, pressed=1)
     other.state()
-    wire.press(bus, u=0.42)
+    wire.press(bus, x=-0.01)
     check("another page reports who holds the tool",
           until(lambda: held() and other.state()[0]["status"] == "another page holds the tool", 3))
     end, wide = time.monotonic() + 1, bus.dented()
@@ -600,6 +636,7 @@ def main():
         # Count seconds, not cycles: one standstill that the sentinel overlooks is 30 cycles at once.
         check("the servo misses no more ticks during the attacks", storm[1] / storm[0] <= 2 * calm[1] / calm[0] + 0.2, calm, storm)
     page.stop()
+    shapes(server, bus)
     generations(server, bus)
     another_address(server)
     few_descriptors(server)
