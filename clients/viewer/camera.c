@@ -64,13 +64,3 @@ void kn_camera_look(kn_camera *c, const float low[3], const float high[3], const
     perspective_matrix(perspective, c->tan_half, v->aspect, 0.1f * distance, distance + 20 * scale);
     kn_mat_mul(c->matrix, perspective, view);
 }
-
-bool kn_camera_pick(const kn_camera *c, double u, double v, double z_m, double at_m[2])
-{
-    // Direction of the line of sight through (u, v), scaled so that its component along the view axis is 1.
-    double x = c->tan_half * c->aspect * (2.0 * u - 1.0), y = c->tan_half * (1.0 - 2.0 * v), sight[3];
-    for (int i = 0; i < 3; i++) sight[i] = x * c->right[i] + y * c->up[i] - c->back[i];
-    double far = (z_m - c->eye[2]) / sight[2];
-    for (int i = 0; i < 2; i++) at_m[i] = c->eye[i] + far * sight[i];
-    return sight[2] != 0.0 && far > 0.0;
-}

@@ -87,10 +87,6 @@ typedef struct kn_camera {
 // Place the camera so that it sees the whole box between the corners `low` and `high`.
 void kn_camera_look(kn_camera *camera, const float low[3], const float high[3], const kn_camera_view *view);
 
-// Intersect the line of sight through (u, v) of the picture with the plane z = z_m. u and v are 0..1 from the upper
-// left corner. Return false if the intersection is not in front of the eye.
-bool kn_camera_pick(const kn_camera *camera, double u, double v, double z_m, double at_m[2]);
-
 // Compute the unit axes of a camera that looks from the direction azimuth_deg, elevation_deg.
 void kn_camera_axes(double azimuth_deg, double elevation_deg, float right[3], float up[3], float back[3]);
 

@@ -5,7 +5,7 @@ const picture = $('picture'), slider = $('depth');
 // Figures for tests and benchmarks. latency: for each of the last 2000 pointer events, time from the event's handler to
 // the first drawn frame that shows the effect of the event, ms. first_ms: time from the request of the page to the first
 // drawn frame, ms.
-const knead = window.knead = { latency: [], events: 0, frames: 0, first_ms: 0, now: null, bytes: 0 };
+const knead = window.knead = { latency: [], events: 0, frames: 0, first_ms: 0, now: null };
 
 // ---- the wire
 
@@ -53,7 +53,6 @@ function take(data) {
     const now = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size)));
     const [surface, shape, jpeg] = now.blocks;
     let at = 4 + size;
-    knead.bytes += data.byteLength;
     record(now.trace);
     now.answers.forEach(hear);
     if (now.about) showAbout(now.about);
@@ -195,7 +194,7 @@ function takeShape(data, offset, size, now) {
 function keep(what, bytes) {
     const at = performance.now();
     kept.push({ at, bytes, ...what });
-    for (keptBytes += bytes; kept[0].at < at - KEPT_MS || keptBytes > KEPT_BYTES;) keptBytes -= kept.shift().bytes;
+    for (keptBytes += bytes; kept.length > 1 && (kept[0].at < at - KEPT_MS || keptBytes > KEPT_BYTES);) keptBytes -= kept.shift().bytes;
 }
 
 const aspect = () => canvas.width / canvas.height;

@@ -263,7 +263,7 @@ static void put_tools(const kn_web *w, json *t)
     put(t, "]");
 }
 
-// What follows the JSON of a message: sizes in bytes, 0: not in this message.
+// Sizes of the blocks that follow the JSON of a message, bytes; 0: not in this message.
 typedef struct blocks {
     size_t surface, shape, picture;
 } blocks;

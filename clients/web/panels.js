@@ -230,6 +230,7 @@ const TOPS = { // by measure: text of the legend for the top of the colour scale
     residual: (x) => `${round3(100 * x)} %`,
 };
 
+$('legend').querySelector('i').style.background = `linear-gradient(90deg, ${SCALE.map((hex) => `#${hex}`)})`;
 function showLegend(top) {
     const measure = $('measure').value;
     $('legend').hidden = !top || !TOPS[measure];

@@ -111,7 +111,7 @@ const squareOf = (object) => 10 ** Math.floor(Math.log10(longestSide(object) / 2
 
 // ---- what is drawn
 
-const SCALE = ['440154', '472d7b', '3b528b', '2c728e', '21918c', '28ae80', '5ec962', 'addc30', 'fde725']; // viridis
+const SCALE = ['440154', '472d7b', '3b528b', '2c728e', '21918c', '28ae80', '5ec962', 'addc30', 'fde725']; // viridis, as in clients/viewer/label.c
 const linear = (color) => color.map((x) => x * x); // the shaders use a gamma of 2
 const SCALE_LINEAR = SCALE.flatMap((hex) => linear([0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255)));
 const COLORS = {
@@ -168,8 +168,8 @@ function programOf(gl, text, name, more = '') {
     return { set, use(values) { gl.useProgram(program); set(values); } };
 }
 
-// True: this browser draws WebGL in software, 20 times as slowly as a GPU. Then a picture has no shadows and one sample
-// per pixel (app.js limits its size).
+// True: this browser draws WebGL in software, which is slow. Then a picture has no shadows and one sample per pixel, and
+// app.js limits its size.
 const isModest = (() => {
     const gl = document.createElement('canvas').getContext('webgl2'), names = gl?.getExtension('WEBGL_debug_renderer_info');
     const name = gl?.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER) ?? '';
