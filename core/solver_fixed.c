@@ -204,7 +204,7 @@ static const char *too_stiff(const kn_model *m)
     const kn_model_def *d = &m->def;
     const double h = d->spacing_m, dt = d->solver.dt_s;
     const double edge = m->kappa_m * m->law.a_pa_s * (m->law.kind == KN_LAW_VOIGT ? 1 : m->law.slope_flow);
-    if (d->pressure != KN_PRESSURE_NONE && d->inside_pressure_pa * h * dt > GAS_MOST * edge)
+    if (d->pressure != KN_PRESSURE_NONE && kn_model_gas_pa(m) * h * dt > GAS_MOST * edge)
         return "fixed takes the gas pressure from the start of the step, and this gas is too stiff for that: needs "
                "the implicit solver";
     for (int p = 0; p < d->probe_count; p++)

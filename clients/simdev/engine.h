@@ -26,6 +26,6 @@ typedef struct kn_engine {
 
 // Create an engine. Return false when memory is short.
 bool kn_engine_golden(kn_engine *engine, kn_engine_caps caps);
-bool kn_engine_rtl(kn_engine *engine); // only if KN_SIMDEV_RTL is defined; --caps is always 10,13,8
+bool kn_engine_rtl(kn_engine *engine); // only if KN_SIMDEV_RTL is defined; --caps is always 10,14,10
 
 #endif

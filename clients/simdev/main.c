@@ -33,7 +33,7 @@ static void help(void)
          "                    It is slower than real time, so the host needs URI?miss=1000.\n"
          "                    It exists only if the program was built with Verilator\n"
          "  --caps N,E,B      log2 of the largest number of nodes, edges and nodes under tools.\n"
-         "                    golden: 0..16,0..20,1..10 (default: 12,16,10); rtl: always 10,13,8\n"
+         "                    golden: 0..16,0..20,1..10 (default: 12,16,10); rtl: always 10,14,10\n"
          "  --seed N          seed of the random numbers (default: 1)\n"
          "  --fault ...       inject faults at random into this share of the requests (default: 0.01):");
 #define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
@@ -152,7 +152,7 @@ static int run(int argc, char **argv)
     for (int i = 0; o.bar && i < KN_LINK_FAULT_COUNT; i++)
         if (s.faults.rate[i] > 0 && kn_link_fault_of_frames((kn_link_fault)i))
             return bad(kn_link_fault_word((kn_link_fault)i), "--uart, because shared memory has no frames");
-    if (o.rtl && o.sized) return bad("--caps", "--engine golden, because the circuit is built for 10,13,8");
+    if (o.rtl && o.sized) return bad("--caps", "--engine golden, because the circuit is built for 10,14,10");
     if (o.rtl && s.faults.rate[KN_LINK_FAULT_TORN] > 0)
         return bad("torn", "--engine golden, because the circuit steps only on request");
 #ifndef KN_SIMDEV_RTL

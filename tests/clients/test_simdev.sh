@@ -34,7 +34,7 @@ refuses 2 "knead-simdev: 1,2: expected --caps with 0..16,0..20,1..10" --uart --c
 refuses 2 "knead-simdev: 1x: expected --seed with a whole number" --uart --seed 1x
 refuses 2 "knead-simdev: fast: expected --engine golden or rtl" --uart --engine fast
 refuses 2 "knead-simdev: torn: expected --engine golden, because the circuit steps only on request" --uart --engine rtl --fault torn
-refuses 2 "knead-simdev: --caps: expected --engine golden, because the circuit is built for 10,13,8" --uart --engine rtl --caps 1,2,3
+refuses 2 "knead-simdev: --caps: expected --engine golden, because the circuit is built for 10,14,10" --uart --engine rtl --caps 1,2,3
 refuses 2 "knead-simdev: more: expected options only" --uart more
 begun=yes refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
 echo mine >file

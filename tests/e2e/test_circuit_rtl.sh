@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # kneadd on the circuit itself, under Verilator, in real time: an object small enough for it under a hand that presses.
-# The board is killed and started again meanwhile (2 times; KN_KILLS=N). Then a poke is replayed from a log on the
-# circuit, in its own time, with the same bits.
+# The board is killed and started again meanwhile (2 times; KN_KILLS=N). Then a press of an object with gas in its cells is
+# replayed from a log on the circuit, in its own time, with the same bits.
 # night: a circuit under Verilator in real time
 source "$KN_SOURCE/tests/e2e/kneadd.sh" && source "$KN_SOURCE/tests/e2e/board.sh" || exit 70
 kills=${KN_KILLS:-2}
@@ -30,7 +30,7 @@ check "the circuit's state equals the twin's at the end" grep -q "its state equa
 kill_board
 
 pressed "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog 2 'object.size=[2 cm, 1 cm, 1 cm]' solver.kind=fixed solver.passes=1 \
-    solver.iterations=3
+    solver.iterations=3 object.pressure=cells
 knead replay press.lcmlog --hash >twin.txt
 board --engine rtl --uart --link "$PWD/board"
 knead replay press.lcmlog --backend "pty:$PWD/board" --hash >circuit.txt

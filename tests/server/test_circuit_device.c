@@ -253,7 +253,7 @@ TEST("a circuit is identified by one program at a time, and an unsuitable object
         CHECK(identify(&l) == KN_LINK_OK && kn_device_state_of(l.device) == KN_DEVICE_IDENTIFIED);
         const kn_device_caps *caps = kn_device_caps_of(l.device);
         CHECK(caps->version == KN_ENGINE_VERSION && caps->nodes == (golden() ? 4096 : 1024));
-        CHECK(caps->edges == (golden() ? 65536 : 8192) && caps->bounds == (golden() ? 1023 : 255));
+        CHECK(caps->edges == (golden() ? 65536 : 16384) && caps->bounds == 1023);
         CHECK(kn_device_submit(l.device, l.r->bound, 0) == KN_LINK_PROTOCOL);
         CHECK(kn_device_resume(l.device, &l.r->fixed, after_ms(5000)) == KN_LINK_PROTOCOL);
         l.r->image.config.passes = 99;
