@@ -238,7 +238,7 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
         if ((i >= wanted && rz <= enough) || !(rz > nothing)) return rz;
         if (i >= wanted && solver->tolerance == 0) return rz;
         // stop when the deadline leaves no time for another iteration
-        if (!kn_deadline_spend(&s->deadline, s->deadline.iteration)) {
+        if (!kn_deadline_iterate(&s->deadline, output->iterations)) {
             output->capped = true;
             return rz;
         }

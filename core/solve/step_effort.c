@@ -232,8 +232,8 @@ void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_co
 bool kn_deadline_line(kn_deadline *d, bool first)
 {
     const int64_t price = d->line + d->look;
-    // the first linearisation is always taken; a further one must leave time for two iterations
-    if (!first && d->most > 0 && d->spent + price + 2 * d->iteration > d->most) return false;
+    // the first linearisation is always taken
+    if (!first && d->most > 0 && d->spent + price + KN_DEADLINE_LEAST * d->iteration > d->most) return false;
     d->spent += price;
     return true;
 }
@@ -246,7 +246,7 @@ int64_t kn_deadline_guess(const kn_deadline *d, const kn_model *model, int lines
     if (d->most == 0 || d->spent + lines * (d->line + d->look + iterations * d->iteration) <= d->most) return 0;
     const int64_t price = model->def.probe_count * model->node_count * (int64_t)NODE_GUESS + d->law;
     // make no guess if it would leave too little time for one linearisation
-    return d->spent + price + d->line + d->look + 2 * d->iteration > d->most ? 0 : price;
+    return d->spent + price + d->line + d->look + KN_DEADLINE_LEAST * d->iteration > d->most ? 0 : price;
 }
 
 void kn_deadline_share(kn_deadline *d, int lines, int iterations)
@@ -275,9 +275,15 @@ bool kn_deadline_spend(kn_deadline *d, int64_t units)
     return true;
 }
 
+bool kn_deadline_iterate(kn_deadline *d, int done)
+{
+    if (d->hurried || done >= KN_DEADLINE_LEAST) return kn_deadline_spend(d, d->iteration);
+    d->spent += d->iteration;
+    return true;
+}
+
 int64_t kn_deadline_least(const kn_model *model)
 {
     const kn_deadline d = of_lattice(model, false);
-    // count two iterations: one for the solve, and one for a look at the contact
-    return STEP + d.line + 2 * d.iteration;
+    return STEP + d.line + KN_DEADLINE_LEAST * d.iteration;
 }

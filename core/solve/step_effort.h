@@ -93,12 +93,16 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_cont
 //
 // Terms: find is the search for contact, a line is one linearisation of the law, i an iteration of the conjugate
 // gradients, a look one evaluation of the contact. The work of each part of an implicit step is counted before the part
-// begins. The shortest step is one line, one iteration and one look. A step does at least this work, even if the
-// deadline is shorter. An impact may need more lines than fit into the deadline. Then the units are shared among as
+// begins. The shortest step is one line, KN_DEADLINE_LEAST iterations and one look. A step does at least this work, even
+// if the deadline is shorter. An impact may need more lines than fit into the deadline. Then the units are shared among as
 // many lines as fit with a few iterations each. All lines but the last are solved only to a fifth of their initial
 // residual. If a plate strikes fast, the step starts from a guessed velocity field (kn_impact_guess). The unsolved part
 // stays in the residual from which the next step starts. The model fixes the stages of Runge-Kutta and the passes of
 // the integer solver, so these solvers have no deadline.
+
+// Least number of iterations of a line that no later line corrects. The first one goes along the last step's change of
+// velocity. Alone, it never solves anything else: an object that two tools had lifted gained energy without limit.
+#define KN_DEADLINE_LEAST 2
 
 typedef struct kn_deadline {
     int64_t most, spent; // most: limit of the step, or 0 without a deadline; spent: count so far [units of work]
@@ -114,12 +118,12 @@ typedef struct kn_deadline {
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most);
 
 // Begin a linearisation (line): count its work and the work of its look at the contact. Return false, and count
-// nothing, if the linearisation and two iterations would exceed the deadline. The first linearisation always begins.
+// nothing, if the linearisation and its least iterations would exceed the deadline. The first linearisation always begins.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
 
 // Return the units of work of kn_impact_guess in a step in which a plate strikes fast. Return 0 if no guess is needed,
 // because `lines` linearisations of `iterations` iterations each fit into the deadline. Also return 0 if a guess, one
-// linearisation and two iterations do not fit.
+// linearisation and its least iterations do not fit.
 int64_t kn_deadline_guess(const kn_deadline *deadline, const kn_model *model, int lines, int iterations);
 
 // Limit the linearisation that has begun to its share of the remaining units of work. `lines`: number of linearisations
@@ -129,6 +133,10 @@ void kn_deadline_share(kn_deadline *deadline, int lines, int iterations);
 // Count `units` units of work and return true. If fewer units are left for the present linearisation, count nothing and
 // return false.
 bool kn_deadline_spend(kn_deadline *deadline, int64_t units);
+
+// Count an iteration of a linearisation and return true. `done`: number of its iterations so far. Return false if it has
+// done the least number and no units are left for another one.
+bool kn_deadline_iterate(kn_deadline *deadline, int done);
 
 // Return the units of work of the shortest step of a model while no tool touches the object.
 int64_t kn_deadline_least(const kn_model *model);
