@@ -223,57 +223,31 @@ static bool create_frame(const kn_gl *gl, kn_gl_target *t, GLuint *frame, GLuint
 static bool create_target(const kn_gl *gl, kn_gl_target *t, int width, int height, int samples)
 {
     *t = (kn_gl_target){.width = width, .height = height};
-    gl->GenRenderbuffers(4, t->buffer);
-    bool ok = create_frame(gl, t, &t->backdrop, t->buffer[0], 0, 0) &&
-              create_frame(gl, t, &t->picture, t->buffer[3], samples > 1 ? 0 : t->buffer[2], 0);
+    gl->GenRenderbuffers(3, t->buffer);
+    bool ok = create_frame(gl, t, &t->picture, t->buffer[0], samples > 1 ? 0 : t->buffer[2], 0);
     // With one sample per pixel, the solids are drawn into the picture itself, so the picture needs the depth buffer.
     t->solids = t->picture;
     if (samples > 1) ok = ok && create_frame(gl, t, &t->solids, t->buffer[1], t->buffer[2], samples);
     return ok && gl->GetError() == GL_NO_ERROR;
 }
 
-void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *t)
+void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t)
 {
-    gl->BindFramebuffer(GL_FRAMEBUFFER, t->backdrop);
-    gl->Viewport(0, 0, t->width, t->height);
-    gl->Disable(GL_SCISSOR_TEST);
-}
-
-static void copy_region(const kn_gl *gl, GLuint from, GLuint to, kn_gl_region r)
-{
-    gl->BindFramebuffer(GL_READ_FRAMEBUFFER, from);
-    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, to);
-    gl->BlitFramebuffer(r.x, r.y, r.x + r.width, r.y + r.height, r.x, r.y, r.x + r.width, r.y + r.height,
-                        GL_COLOR_BUFFER_BIT, GL_NEAREST);
-}
-
-// The scissor test limits the clearing and drawing of the solids to their region.
-void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region, bool before_backdrop)
-{
-    bool direct = t->solids == t->picture;
-    gl->Disable(GL_SCISSOR_TEST);
-    if (before_backdrop) copy_region(gl, t->backdrop, t->picture, (kn_gl_region){0, 0, t->width, t->height});
-    else {
-        gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
-        // With one sample per pixel the table covers the whole picture, so the picture's colour need not be cleared.
-        gl->Clear(direct ? GL_DEPTH_BUFFER_BIT : GL_COLOR_BUFFER_BIT);
-    }
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->solids);
     gl->Viewport(0, 0, t->width, t->height);
-    gl->Enable(GL_SCISSOR_TEST);
-    gl->Scissor(region.x, region.y, region.width, region.height);
-    gl->Clear(GL_DEPTH_BUFFER_BIT | (direct ? 0 : GL_COLOR_BUFFER_BIT));
+    // With one sample per pixel the table covers the whole picture, so the picture's colour need not be cleared.
+    gl->Clear(GL_DEPTH_BUFFER_BIT | (t->solids == t->picture ? 0 : GL_COLOR_BUFFER_BIT));
 }
 
 // Copy from a buffer with several samples per pixel to a buffer with one sample per pixel. The copy resolves the
 // samples: colour and alpha become averages over the pixel.
-void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t, kn_gl_region region)
+void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *t)
 {
     if (t->solids == t->picture) return;
-    gl->Disable(GL_SCISSOR_TEST);
-    copy_region(gl, t->solids, t->picture, region);
+    gl->BindFramebuffer(GL_READ_FRAMEBUFFER, t->solids);
+    gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, t->picture);
+    gl->BlitFramebuffer(0, 0, t->width, t->height, 0, 0, t->width, t->height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
     gl->BindFramebuffer(GL_FRAMEBUFFER, t->picture);
-    gl->Enable(GL_SCISSOR_TEST);
 }
 
 // ---- context

@@ -30,7 +30,7 @@
     X(DisableVertexAttribArray) X(DrawArrays) X(DrawBuffer) X(Enable) X(EnableVertexAttribArray)                       \
     X(FramebufferRenderbuffer) X(FramebufferTexture2D) X(GenBuffers) X(GenFramebuffers) X(GenRenderbuffers)            \
     X(GenTextures) X(GenVertexArrays) X(GetError) X(GetProgramInfoLog) X(GetProgramiv) X(GetUniformLocation)           \
-    X(LinkProgram) X(PolygonOffset) X(ReadBuffer) X(ReadPixels) X(RenderbufferStorageMultisample) X(Scissor)           \
+    X(LinkProgram) X(PolygonOffset) X(ReadBuffer) X(ReadPixels) X(RenderbufferStorageMultisample)                      \
     X(ShaderSource) X(TexImage2D) X(TexParameteri) X(Uniform1f) X(Uniform1i) X(Uniform3fv) X(Uniform4fv)               \
     X(UniformMatrix4fv) X(UseProgram) X(VertexAttribPointer) X(Viewport)
 // clang-format on
@@ -41,30 +41,22 @@ typedef struct kn_gl {
 #undef KN_GL_MEMBER
 } kn_gl;
 
-// Frame buffers of one size. The backdrop (the table without an object) is drawn once for many pictures. The buffer of
-// the solids has depth and several samples per pixel. The solids are resolved into the picture, over a copy of the
-// backdrop. With one sample per pixel, the solids are drawn directly into the picture. The buffers are freed with their
+// Frame buffers of one size. The buffer of the solids has depth and several samples per pixel, and is resolved into the
+// picture. With one sample per pixel, the solids are drawn directly into the picture. The buffers are freed with their
 // context, and never deleted singly.
 typedef struct kn_gl_target {
     int width, height;
-    GLuint backdrop, solids, picture;
-    GLuint buffer[4]; // render buffers: backdrop, colour and depth of the solids, picture
+    GLuint solids, picture;
+    GLuint buffer[3]; // render buffers: picture, colour and depth of the solids
 } kn_gl_target;
 
-typedef struct kn_gl_region { // rectangle of the picture, pixels from its lower left corner
-    int x, y, width, height;
-} kn_gl_region;
-
-void kn_gl_target_backdrop(const kn_gl *gl, const kn_gl_target *target); // make the backdrop the target of all drawing
-// Begin to draw the solids: make their buffer the target of all drawing. Clear only the region of the solids, because
-// work on buffers with several samples takes most of the time of a picture. `before_backdrop`: the picture starts as a
-// copy of the backdrop; otherwise it starts empty.
-void kn_gl_target_solids(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region, bool before_backdrop);
-// Resolve the solids into their region of the picture (average their samples). Everything that is drawn afterwards goes
-// into this region, behind the solids. Alpha is the fraction of a pixel that the solids cover, and later drawing fills
-// the rest of the pixel. With one sample per pixel, a solid covers a pixel completely or not at all, and later drawing
-// uses the depth buffer to find the pixels that no solid covers.
-void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target, kn_gl_region region);
+void kn_gl_target_solids(const kn_gl *gl,
+                         const kn_gl_target *target); // begin to draw the solids, into a cleared buffer
+// Resolve the solids into the picture (average their samples). Everything that is drawn afterwards goes into the
+// picture, behind the solids. Alpha is the fraction of a pixel that the solids cover, and later drawing fills the rest
+// of the pixel. With one sample per pixel, a solid covers a pixel completely or not at all, and later drawing uses the
+// depth buffer to find the pixels that no solid covers.
+void kn_gl_target_picture(const kn_gl *gl, const kn_gl_target *target);
 
 #define KN_OFFSCREEN_MIN 16
 // Largest width or height of a picture, pixels. The limit bounds the memory: 4 samples of colour and depth take 32

@@ -34,8 +34,6 @@ struct kn_renderer {
     kn_camera camera;
     int side; // side of the object that is at the left of the picture: 0 front, 1 right, 2 back, 3 left
     float key[3], light[16];
-    float backdrop_camera[16]; // camera matrix with which the backdrop was drawn; all zero: no backdrop yet
-    float last_camera[16];     // camera matrix of the last picture
     float square_m;
 };
 
@@ -125,9 +123,6 @@ bool kn_renderer_mesh(kn_renderer *r, int vertex_count, const float (*rest)[3], 
                       const int (*triangle)[3])
 {
     const kn_gl *gl = kn_offscreen_begin(r->screen);
-    // Draw the backdrop anew with the next picture, because the squares of the table may change their size.
-    memset(r->backdrop_camera, 0, sizeof r->backdrop_camera);
-    memset(r->last_camera, 0, sizeof r->last_camera);
     kn_shaded_mesh_destroy(r->mesh);
     free(r->corners);
     r->corners = NULL;
@@ -368,7 +363,6 @@ static void draw_solids(const kn_renderer *r, GLuint program, const kn_view_scen
 static void clear_shadow_map(const kn_renderer *r)
 {
     const kn_gl *gl = r->gl;
-    gl->Disable(GL_SCISSOR_TEST);
     gl->BindFramebuffer(GL_FRAMEBUFFER, r->shadow_frame);
     gl->Viewport(0, 0, SHADOW_SIZE(r), SHADOW_SIZE(r));
     gl->Clear(GL_DEPTH_BUFFER_BIT);
@@ -463,10 +457,11 @@ double kn_renderer_bar(const kn_renderer *r, float at[2])
     return r->square_m;
 }
 
-// Draw the table with one of its two programs, as a square that fills the scissor region.
-static void draw_table(const kn_renderer *r, GLuint program, const float foot[4], float corner)
+// Draw the table, as a square that fills the picture.
+static void draw_table(const kn_renderer *r, const float foot[4], float corner)
 {
     const kn_gl *gl = r->gl;
+    const GLuint program = r->program.table;
     const float tan_half = r->camera.tan_half, tan_half_x = tan_half * r->camera.aspect;
     float s = r->square_m, bar[4], sight[3][3];
     bar_of(r, bar);
@@ -488,40 +483,6 @@ static void draw_table(const kn_renderer *r, GLuint program, const float foot[4]
     set_number(gl, program, "u_level", level_of(r));
     gl->BindVertexArray(r->square.array);
     gl->DrawArrays(GL_TRIANGLES, 0, r->square.corners);
-}
-
-// Draw the table within the region `part` of the picture. `near` is the region of `part` where the object and its
-// shadows may be. Only `near` needs the costly program.
-static void draw_table_parts(const kn_renderer *r, kn_gl_region part, kn_gl_region near, const float foot[4],
-                             float corner)
-{
-    if (near.width == 0) near.x = part.x, near.y = part.y; // if `near` is empty, place it at the corner of `part`
-    // Divide the rest of `part`, around `near`, into four strips.
-    const int right = near.x + near.width, top = near.y + near.height, end = part.x + part.width;
-    const kn_gl_region around[] = {{part.x, part.y, part.width, near.y - part.y},
-                                   {part.x, top, part.width, part.y + part.height - top},
-                                   {part.x, near.y, near.x - part.x, near.height},
-                                   {right, near.y, end - right, near.height},
-                                   near};
-    for (int i = 0; i < 5; i++) {
-        if (around[i].width <= 0 || around[i].height <= 0) continue;
-        r->gl->Scissor(around[i].x, around[i].y, around[i].width, around[i].height);
-        draw_table(r, i < 4 ? r->program.bare : r->program.table, foot, corner);
-    }
-}
-
-// Make sure that the backdrop (the table without an object) fits the present camera. If the camera has moved since the
-// last picture, draw no backdrop and return false, because the backdrop would serve only one picture.
-static bool draw_backdrop(kn_renderer *r)
-{
-    static const float nobody[4] = {1e9f, 1e9f, 1e9f, 1e9f};
-    const bool still = memcmp(r->camera.matrix, r->last_camera, sizeof r->last_camera) == 0;
-    memcpy(r->last_camera, r->camera.matrix, sizeof r->last_camera);
-    if (!still || memcmp(r->camera.matrix, r->backdrop_camera, sizeof r->backdrop_camera) == 0) return still;
-    memcpy(r->backdrop_camera, r->camera.matrix, sizeof r->backdrop_camera);
-    kn_gl_target_backdrop(r->gl, kn_offscreen_target(r->screen));
-    draw_table(r, r->program.bare, nobody, 0);
-    return true;
 }
 
 static void set_values(const kn_gl *gl, const kn_gl_mesh *s, const float *value, int count)
@@ -578,27 +539,16 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     const kn_gl *gl = kn_offscreen_begin(r->screen);
     const kn_gl_target *target = kn_offscreen_target(r->screen);
     float foot[4];
-    // Prepare the tools, the camera, the light, and the region that needs drawing.
     kn_drawn_shapes_load(&r->tools, scene);
     aim(r, scene);
     light_up(r, scene);
     float corner = footprint(r->mesh, scene->xyz, foot);
-    kn_gl_region region, table;
-    const kn_dirty_region_def seen = {&r->camera,
-                                      r->key,
-                                      r->width,
-                                      r->height,
-                                      level_of(r),
-                                      r->square_m,
-                                      0.6f * (r->mesh->rest_high[2] - r->mesh->rest_low[2])};
-    kn_dirty_region_find(&seen, &r->tools, scene, r->mesh->vertex_count, foot, &region, &table);
     upload(r, scene);
-    const bool before_backdrop = draw_backdrop(r);
 
-    // Draw the shadow map, then the solids of the region.
+    // Draw the shadow map, then the solids.
     gl->Enable(GL_DEPTH_TEST);
     draw_shadow_map(r, scene);
-    kn_gl_target_solids(gl, target, region, before_backdrop);
+    kn_gl_target_solids(gl, target);
     gl->Enable(GL_CULL_FACE);
     use_lit(r, r->program.solid);
     set_number(gl, r->program.solid, "u_bias", SHADOW_BIAS * LIT_RADIUS * scale_of(r->mesh) / (float)SHADOW_SIZE(r));
@@ -608,19 +558,16 @@ void kn_renderer_draw(kn_renderer *r, const kn_view_scene *scene, uint8_t *rgba)
     gl->Disable(GL_CULL_FACE);
 
     // Resolve the solids, and draw the table behind them.
-    kn_gl_target_picture(gl, target, region);
-    const kn_gl_region all = {0, 0, r->width, r->height};
+    kn_gl_target_picture(gl, target);
     if (soft) gl->Disable(GL_DEPTH_TEST);
     if (soft) gl->Enable(GL_BLEND);
     // Let the table fill the fraction of each pixel that the solids leave free. This fraction is 1 - alpha.
     gl->BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE);
-    // Outside the regions that are drawn here, the picture already contains the backdrop.
-    draw_table_parts(r, !before_backdrop ? all : soft ? region : table, table, foot, corner);
+    draw_table(r, foot, corner);
     gl->Disable(GL_BLEND);
     gl->Enable(GL_CULL_FACE);
     // With one sample per pixel, draw the hands after the table, because the hands clear the depth buffer that the
     // table needs.
-    gl->Scissor(region.x, region.y, region.width, region.height);
     if (!soft) draw_hands(r, scene);
     gl->Disable(GL_CULL_FACE);
     gl->Disable(GL_DEPTH_TEST);

@@ -189,13 +189,9 @@ float away(vec2 p, vec4 box) { return length(max(max(box.xy - p, p - box.zw), 0.
 // Fraction of the light that reaches the table at p.
 float dim(vec3 p)
 {
-#ifdef BARE
-    return 1.0; // no shadow falls here, and the object does not darken the table
-#else
     vec4 inner = u_foot + vec4(u_corner, u_corner, -u_corner, -u_corner);
     float near = max(1.0 - max(away(p.xy, inner) - u_corner, 0.0) / (0.6 * u_height), 0.0);
     return (1.0 - 0.45 * near * near * near) * mix(0.62, 1.0, lit((u_light * vec4(p, 1.0)).xyz));
-#endif
 }
 
 void main()

@@ -266,10 +266,6 @@ kn_gl_mesh kn_gl_mesh_revolve(const kn_gl *gl, int count, const float (*profile)
         }
     }
     kn_gl_mesh s = kn_gl_mesh_create(gl);
-    s.low = profile[0][1];
-    s.high = profile[count - 1][1];
-    // Store the extent of the solid. The region of a picture that the solid covers is computed from this extent.
-    for (int i = 0; i < count * segments; i++) s.half = fmaxf(s.half, fmaxf(fabsf(xyz[i][0]), fabsf(xyz[i][1])));
     // Compute the normals as for the surface of an object: smooth, except at creases.
     kn_shaded_mesh *mesh =
         kn_shaded_mesh_create(count * segments, (const float(*)[3])xyz, triangles, (const int(*)[3])triangle);
@@ -313,13 +309,11 @@ static GLuint create_program(const kn_gl *gl, const char *vertex, const char *fr
 
 bool kn_shader_programs_create(const kn_gl *gl, kn_shader_programs *p, char *error, size_t error_size)
 {
-#define PROGRAM(name, more)                                                                                            \
-    create_program(gl, "#define " name "_VERTEX\n", "#define " name "_FRAGMENT\n" more, error, error_size)
-    p->depth = PROGRAM("DEPTH", "");
-    p->solid = PROGRAM("SOLID", "");
-    p->table = PROGRAM("TABLE", "");
-    p->bare = PROGRAM("TABLE", "#define BARE\n");
-    p->edge = PROGRAM("EDGE", "");
+#define PROGRAM(name) create_program(gl, "#define " name "_VERTEX\n", "#define " name "_FRAGMENT\n", error, error_size)
+    p->depth = PROGRAM("DEPTH");
+    p->solid = PROGRAM("SOLID");
+    p->table = PROGRAM("TABLE");
+    p->edge = PROGRAM("EDGE");
 #undef PROGRAM
-    return p->depth && p->solid && p->table && p->bare && p->edge;
+    return p->depth && p->solid && p->table && p->edge;
 }

@@ -54,7 +54,6 @@ typedef struct kn_gl_mesh {
     // triangle sides that are drawn as lines; `values`: values on the colour scale.
     GLuint array, buffer, sides, values;
     int corners;
-    float half, low, high; // extent of a solid of revolution: -half .. half along x and y, low .. high along z
 } kn_gl_mesh;
 
 kn_gl_mesh kn_gl_mesh_create(const kn_gl *gl); // create a mesh without triangles
@@ -72,22 +71,18 @@ extern const char kn_shader_text[];
 
 // Programs that OpenGL runs per vertex and per pixel.
 typedef struct kn_shader_programs {
-    // depth: for the shadow map; solid: object and tools; table: the table near the object; bare: the part of the table
-    // where no shadow falls; edge: edges of the lattice.
-    GLuint depth, solid, table, bare, edge;
+    // depth: for the shadow map; solid: object and tools; table; edge: edges of the lattice.
+    GLuint depth, solid, table, edge;
 } kn_shader_programs;
 
 // Compile and link all programs. If a shader is wrong or the context is not OpenGL 3.3, return false and put the
 // compiler's message in error.
 bool kn_shader_programs_create(const kn_gl *gl, kn_shader_programs *programs, char *error, size_t error_size);
 
-// ---- probes and the region of a picture: drawn_probe.c
+// ---- probes: drawn_probe.c
 //
 // Drawing of a probe: its unit solids, each turned, scaled and placed, its force arrow, and its hand. Rounded edges are
 // drawn sharp, and a plate is drawn 2 mm thick. With a flat object, a ball is drawn as a disc and a plate as a line.
-//
-// Region: the part of a picture that an object, its probes and their shadows cover. Outside the region, the picture
-// shows the empty table. The region may be too large, but never too small.
 
 // Largest number of solids of a probe: a part that is a capsule consists of three solids.
 #define KN_DRAWN_SOLIDS_MAX (3 * KN_PARTS_MAX)
@@ -131,19 +126,5 @@ bool kn_drawn_probe_is_finite(const kn_view_probe *probe); // return true if all
 // tool. Return false if the hand needs no outline: if the scene draws no hands, no hand holds the tool, the pose of the
 // hand is not finite, or the hand is within 0.5 mm and 3 degrees of its tool.
 bool kn_drawn_probe_hand(const kn_view_scene *scene, const kn_view_probe *probe, kn_view_probe *hand);
-
-typedef struct kn_dirty_region_def {
-    const kn_camera *camera;
-    const float *key; // unit vector towards the light that casts the shadows
-    int width, height;
-    float level_m, square_m; // level_m: height (z) of the table, m; square_m: side of the squares drawn on the table, m
-    float dim_m;             // distance from the object within which the table is darkened, m
-} kn_dirty_region_def;
-
-// Find the two regions of a picture that differ from the empty table. `foot`: low x, low y, high x, high y of the
-// object's footprint. `all`: region of everything that differs. `table`: region in which the table itself differs, by
-// shadow or darkening.
-void kn_dirty_region_find(const kn_dirty_region_def *def, const kn_drawn_shapes *shapes, const kn_view_scene *scene,
-                          int vertex_count, const float foot[4], kn_gl_region *all, kn_gl_region *table);
 
 #endif

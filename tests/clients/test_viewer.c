@@ -229,7 +229,7 @@ TEST("the same input gives the same bytes, in a later picture and in another ren
     const uint8_t *first = draw(dented);
     CHECK(equal(first, draw_by(other, dented)));
     const kn_view_scene same = scene;
-    scene.azimuth_deg = -40; // another camera as well: the backdrop is drawn anew
+    scene.azimuth_deg = -40; // another camera as well
     CHECK(!equal(first, draw(rest)));
     scene = same;
     CHECK(equal(first, draw(dented)));
