@@ -104,6 +104,9 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
 #define SAY_FAULT(fault)                                                                                               \
     SAY("fault", "force set to zero: %s. To continue: %s", kn_fault_name(fault), kn_fault_remedy(fault))
+    const char *trouble = kn_picture_trouble(&w->picture);
+    if (trouble && w->gateway.page[page].draws == KN_WEB_PICTURE)
+        SAY("fault", "this browser has no WebGL, and knead web cannot draw: %s", trouble);
     if (w->live.scene_error[0]) SAY("fault", "cannot read the scene that is served: %s", w->live.scene_error);
     if (kn_live_server_now_ms() - w->state.mesh_ms > UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");

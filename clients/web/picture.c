@@ -37,8 +37,7 @@ static void draw(kn_picture *p, kn_renderer *r, tjhandle packer, uint8_t *rgba)
     p->drawn_size = size;
 }
 
-// Run the thread: open OpenGL, post the semaphore `opened`, then draw a picture each time that the semaphore `wake` is
-// posted.
+// Run the thread: open OpenGL, then draw a picture each time that the semaphore `wake` is posted.
 static void *run(void *self)
 {
     kn_picture *p = self;
@@ -48,15 +47,14 @@ static void *run(void *self)
     // Let llvmpipe (OpenGL in software) use two threads. While a browser on this machine also draws in software, a
     // picture takes 5 ms less than with one thread.
     setenv("LP_NUM_THREADS", "2", 0);
-    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, 1, p->error, p->error_size);
+    snprintf(p->error, sizeof p->error, "out of memory");
+    kn_renderer *r = kn_renderer_open(WIDTH, HEIGHT, 1, p->error, sizeof p->error);
     tjhandle packer = tjInitCompress();
     uint8_t *rgba = malloc((size_t)WIDTH * HEIGHT * 4);
     p->drawn_jpeg = tjAlloc((int)kn_picture_largest());
     bool ok = r && packer && rgba && p->drawn_jpeg;
-    if (r && !ok) snprintf(p->error, p->error_size, "out of memory");
-    if (!ok) atomic_store(&p->stop, true);
-    sem_post(&p->opened);
-    for (;;) {
+    atomic_store(&p->failed, !ok);
+    while (ok) {
         // Call sem_wait again if a signal has interrupted it.
         while (sem_wait(&p->wake) != 0)
             ;
@@ -112,7 +110,8 @@ static void color(kn_picture *p)
 // the effect of a new pointer event is delayed a little. The thread is then free when the mesh with that effect comes.
 void kn_picture_paint(kn_picture *p)
 {
-    if (!p->live->scene || !kn_gateway_wants(p->gateway, KN_WEB_PICTURE) || p->drawing) return;
+    if (!p->live->scene || !kn_gateway_wants(p->gateway, KN_WEB_PICTURE) || p->drawing || atomic_load(&p->failed))
+        return;
     kn_page_tool_listen(p->tool);
     int64_t now_ms = kn_live_server_now_ms();
     int32_t newest = kn_page_tool_answered(p->tool, p->painting, p->live->mesh.tick);
@@ -172,11 +171,15 @@ static bool take_measure(kn_picture *p, kn_web_page *page, const char *name)
     return is;
 }
 
-// Let a page draw the object itself, or get pictures.
-static bool take_way(kn_web_page *page, const char *name)
+// Let a page draw the object itself, or get pictures. The drawing thread starts with the first page that wants pictures.
+static bool take_way(kn_picture *p, kn_web_page *page, const char *name)
 {
     const bool mesh = strcmp(name, "mesh") == 0;
     if (!mesh && strcmp(name, "picture") != 0) return false;
+    if (!mesh && !p->runs && !(p->runs = pthread_create(&p->thread, NULL, run, p) == 0)) {
+        snprintf(p->error, sizeof p->error, "no thread for them");
+        atomic_store(&p->failed, true);
+    }
     page->draws = mesh ? KN_WEB_MESH : KN_WEB_PICTURE;
     page->surface = 0; // the page gets the surface again
     return true;
@@ -189,7 +192,7 @@ void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
     const char *words = "The view has changed.";
     switch (r->verb) {
     case KN_VERB_DRAW:
-        ok = take_way(of, r->name);
+        ok = take_way(p, of, r->name);
         words = ok ? "Drawing." : "expected mesh or picture";
         break;
     case KN_VERB_STYLE:
@@ -211,29 +214,21 @@ void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
 
 // ---- start and stop
 
-bool kn_picture_open(kn_picture *p, char *error, size_t error_size)
+bool kn_picture_open(kn_picture *p)
 {
-    p->error = error;
-    p->error_size = error_size;
     p->fresh = true;
     p->measure = -1;
     p->still.view = p->look = kn_view_scene_default();
     p->look.turns = p->still.view.turns = true;
     p->still.view.hands = true;
-    snprintf(error, error_size, "out of memory");
     if (!(p->jpeg = malloc(kn_picture_largest()))) return false;
     ev_async_init(&p->painted, on_painted);
     p->painted.data = p;
     ev_async_start(p->ev, &p->painted);
-    sem_init(&p->wake, 0, 0);
-    sem_init(&p->opened, 0, 0);
-    p->runs = pthread_create(&p->thread, NULL, run, p) == 0;
-    if (!p->runs) return snprintf(error, error_size, "cannot start the drawing thread"), false;
-    // Call sem_wait again if a signal has interrupted it.
-    while (sem_wait(&p->opened) != 0)
-        ;
-    return !atomic_load(&p->stop);
+    return sem_init(&p->wake, 0, 0) == 0;
 }
+
+const char *kn_picture_trouble(const kn_picture *p) { return atomic_load(&p->failed) ? p->error : NULL; }
 
 void kn_picture_close(kn_picture *p)
 {
@@ -241,10 +236,8 @@ void kn_picture_close(kn_picture *p)
         atomic_store(&p->stop, true);
         sem_post(&p->wake);
         pthread_join(p->thread, NULL);
-        sem_destroy(&p->wake);
-        sem_destroy(&p->opened);
-        tjFree(p->drawn_jpeg);
-        kn_object_still_free(&p->still);
     }
+    tjFree(p->drawn_jpeg);
+    kn_object_still_free(&p->still);
     free(p->jpeg);
 }

@@ -35,21 +35,22 @@ typedef struct kn_picture {
     unsigned long drawn_size; // size of drawn_jpeg, bytes; 0: the drawing failed
     // The fields below are used by picture.c only.
     ev_async painted;
-    atomic_bool stop, drawn;
-    sem_t wake, opened;
-    char *error;
-    size_t error_size;
+    atomic_bool stop, drawn, failed; // failed: there is no OpenGL, for the reason in `error`
+    sem_t wake;
+    char error[300];
     pthread_t thread;
-    bool runs;        // true: the thread must be joined
+    bool runs;        // true: the thread has been started and must be joined
     bool drawing;     // true: the thread draws, or its picture has not been fetched yet
     int32_t painting; // number of the newest pointer event in the picture being drawn
     double due_ms;    // time when the next drawing should begin
 } kn_picture;
 
 size_t kn_picture_largest(void); // returns the largest size of a picture, bytes
-// Start the thread. The picture must be zeroed except for the fields of the caller, and must not move in memory
-// afterwards. If OpenGL is not available, return false and one line in `error`.
-bool kn_picture_open(kn_picture *picture, char *error, size_t error_size);
+// Prepare the pictures. The picture must be zeroed except for the fields of the caller, and must not move in memory
+// afterwards. OpenGL is opened when the first page wants pictures. Return false if memory is short.
+bool kn_picture_open(kn_picture *picture);
+// Return the reason in one line why there are no pictures, or NULL.
+const char *kn_picture_trouble(const kn_picture *picture);
 // Return true if the mesh messages contain this measure.
 bool kn_picture_measured(const kn_live_server *live, int measure);
 void kn_picture_paint(kn_picture *picture); // draws the next picture if one is due

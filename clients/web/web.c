@@ -297,7 +297,7 @@ static bool open_all(kn_web *w)
     // Open the gateway last, so that no page is served before all other parts work.
     return kn_page_tool_open(&w->tool) && w->ev &&
            kn_live_server_open(&w->live, w->url, w->mesh_url, w->error, sizeof w->error) && kn_page_state_open(w) &&
-           kn_picture_open(&w->picture, w->error, sizeof w->error) && kn_gateway_reserve(&w->gateway, largest(w)) &&
+           kn_picture_open(&w->picture) && kn_gateway_reserve(&w->gateway, largest(w)) &&
            kn_gateway_open(&w->gateway, w->ev, w->host, w->port, w->listen_fd, w->error, sizeof w->error);
 }
 

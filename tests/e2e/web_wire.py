@@ -233,6 +233,19 @@ def another_address(server):
     check("the encrypted server exits with 0", web.wait(10) == 0, web.returncode)
 
 
+def without_opengl(server):  # it is opened for the first page that wants pictures
+    os.environ["KNEAD_GL"] = "none"
+    web = server.start("dark", ["knead", "web"], "http://")
+    del os.environ["KNEAD_GL"]
+    dark = opened("dark.log")
+    drawer, watcher = Wire(dark), Wire(dark, draws="picture")
+    check("without OpenGL a page that draws is served", until(lambda: drawer.state()[1] > 0))
+    check("and a page that wants pictures gets the reason", until(lambda: "KNEAD_GL=none" in watcher.state()[0]["status"]))
+    drawer.close(), watcher.close()
+    web.terminate()
+    check("and knead web ends with 0", web.wait(10) == 0, web.returncode)
+
+
 def files(server):
     for path, name in ("/", "page.html"), ("/app.js", "app.js"), ("/panels.js", "panels.js"), \
             ("/trace.js", "trace.js"), ("/scene.js", "scene.js"), \
@@ -639,6 +652,7 @@ def main():
     shapes(server, bus)
     generations(server, bus)
     another_address(server)
+    without_opengl(server)
     few_descriptors(server)
     stopped(server)
     dead_man(server, bus)
