@@ -13,6 +13,7 @@ import sys
 import time
 sys.path.insert(0, os.environ["KN_SOURCE"] + "/tests/e2e")
 from served import Browser, Bus, Served, cpu_s, until
+from web_wire import Page
 
 
 def children(pid):
@@ -111,6 +112,23 @@ def show(page, path):  # save a picture of a block that was pressed at one place
     page.release()
 
 
+def crowd(server, bus, seconds, count):  # pages without a browser, of which one presses: in turns with none
+    print("| viewers | messages/s each | web cpu % | memory kB |  ticks | missed | unexplained |\n"
+          "|--------:|----------------:|----------:|----------:|-------:|-------:|------------:|")
+    for viewers in (0, count) * 3:
+        pages = [Page(server, presses=i == 0) for i in range(viewers)]
+        time.sleep(6)  # kneadd says its counts every second; the tool of the row before lifts
+        before, frames, cpu, begin = missed(bus), [page.frames for page in pages], server.cpu_s(), time.monotonic()
+        time.sleep(seconds)
+        elapsed = time.monotonic() - begin
+        each = sum(page.frames - was for page, was in zip(pages, frames)) / elapsed / max(1, viewers)
+        ticks = missed(bus, before)
+        print(f"| {viewers:7} | {each:15.1f} | {100 * (server.cpu_s() - cpu) / elapsed:9.1f} | {server.memory_kb():9} | "
+              f"{ticks[0]:6} | {ticks[1]:6} | {ticks[2]:11} |", flush=True)
+        for page in pages:
+            page.stop()
+
+
 def main():
     options = argparse.ArgumentParser()
     options.add_argument("--seconds", type=float, default=20, help="per row (20)")
@@ -118,6 +136,7 @@ def main():
     options.add_argument("--draw", choices=["mesh", "picture"], default="mesh",
                          help="who draws: mesh: the browser, by WebGL; picture: knead web (mesh)")
     options.add_argument("--size", default="800x450", help="of the drawing by the browser (800x450)")
+    options.add_argument("--viewers", type=int, help="measure only what this number of pages without a browser costs")
     options.add_argument("--picture", metavar="/FILE", help="measure nothing: the page in a press, as PNG")
     o = options.parse_args()
     if o.picture and not os.path.isabs(o.picture):
@@ -127,6 +146,10 @@ def main():
     print(f"machine   {model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, {platform.release()}")
     server, bus = Served(o.scene), Bus()
     address = server.address.replace("/#", f"/?draw={'fine' if o.picture else o.draw}#")
+    if o.viewers:
+        until(lambda: bus.tick)
+        crowd(server, bus, o.seconds, o.viewers)
+        return server.stop()
     head = ("| pointer | events |   fps | p50 ms | p95 ms | p99 ms | web cpu % | browser | kneadd | rest | missed | "
             "unexplained |\n|---------|-------:|------:|-------:|-------:|-------:|----------:|--------:|-------:|-----:|"
             "-------:|------------:|")
