@@ -14,6 +14,9 @@ static const double touch_m_s[2] = {0.03, 1e-4};
 // Acceleration in the object: 0 to 1 cm/s in 50 ms. At this acceleration, the force of dough (1 kN s/m) rises by 0.2
 // N/ms.
 static const double object_m_s2 = 0.2;
+// turn_rad_s: speed at which a tool lies down or stands up. grip_m_s: sideways speed of a lying tool; at a higher speed
+// its touch trips the impulse guard. open_m: largest way of a lying tool out of the object before it rises.
+static const double turn_rad_s = 2.0, grip_m_s = 0.015, open_m = 0.02;
 // Speed of a flat tool from its first touch until it lies flat on the object.
 static const double flushing_m_s = 5e-4;
 // landing_m: distance to the object at which a flat tool begins to move slowly. landing_m_s2: deceleration of the tool
@@ -163,14 +166,15 @@ static void move_up(kn_pointer_hand *p, double goal_m, double dt_s)
 
 // Move the tool sideways towards at_m. The tool moves sideways only when it is lifted, or in a press when it is below
 // the surface (a stroke).
-static void move_sideways(kn_pointer_hand *p, bool press, double dt_s)
+static void move_sideways(kn_pointer_hand *p, bool press, bool opens, double dt_s)
 {
     double way[2], far_m, *v = p->point.velocity_m_s;
-    for (int i = 0; i < 2; i++) way[i] = p->wish.at_m[i] - p->point.position_m[i];
+    for (int i = 0; i < 2; i++) way[i] = opens ? open_m * p->axis[i] : p->wish.at_m[i] - p->point.position_m[i];
     far_m = hypot(way[0], way[1]);
     bool down = press && p->point.position_m[2] < p->wish.touch_z_m, free = !down && !p->news.contact;
-    bool moves = down || lifted(p);
+    bool moves = down || opens || lifted(p);
     double a_m_s2 = free ? sideways_m_s2 : object_m_s2, most_m_s = free ? sideways_m_s : stroke_m_s[p->flat];
+    if (p->tilt > 0.0 && !free) most_m_s = grip_m_s;
     // Plan with half of the acceleration, so that the tool can keep up with the planned speed.
     double speed = moves ? fmin(most_m_s, braking(far_m, 0.5 * a_m_s2, 0.0)) : 0.0;
     for (int i = 0; i < 2; i++) {
@@ -178,6 +182,21 @@ static void move_sideways(kn_pointer_hand *p, bool press, double dt_s)
         if (far_m < 1e-5 && moves) p->point.position_m[i] = p->wish.at_m[i], v[i] = 0.0;
         p->point.position_m[i] += v[i] * dt_s;
     }
+    p->opened_m = opens ? p->opened_m + dt_s * hypot(v[0], v[1]) : press || lifted(p) ? 0.0 : p->opened_m;
+}
+
+// Turn the tool towards the axis of the wish, above the object only. Return true if the tool has turned.
+static bool turn(kn_pointer_hand *p, double dt_s)
+{
+    const bool lies = p->wish.pressed && (p->wish.axis[0] != 0.0 || p->wish.axis[1] != 0.0);
+    if (lies && p->tilt == 0.0) memcpy(p->axis, p->wish.axis, sizeof p->axis);
+    // A tool that lies in another direction stands up first.
+    const double goal = lies && memcmp(p->axis, p->wish.axis, sizeof p->axis) == 0 ? M_PI_2 : 0.0;
+    if (lifted(p)) p->tilt = toward(p->tilt, goal, turn_rad_s * dt_s);
+    // The axis of the rotation is horizontal and perpendicular to the tool's axis.
+    const double s = sin(0.5 * p->tilt), turned[4] = {cos(0.5 * p->tilt), -s * p->axis[1], s * p->axis[0], 0.0};
+    memcpy(p->point.orientation_wxyz, turned, sizeof turned);
+    return lies == (goal > 0.0) && fabs(p->tilt - goal) < 1e-9;
 }
 
 // Compute the pose of this millisecond.
@@ -190,16 +209,26 @@ static void follow(kn_pointer_hand *p)
     p->placed = true;
     // A press begins only when the tool is above its goal.
     bool over = hypot(p->wish.at_m[0] - x[0], p->wish.at_m[1] - x[1]) < there_m || isfinite(p->ground_m);
-    bool engaged = p->news.flags & KN_FLAG_ENGAGED;
-    bool press = p->mode == KN_POINTER_HAND_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over;
+    // When poses were a few ms late, the force to the hand fades and returns. A lying tool stays meanwhile, so that it
+    // does not drop the object.
+    bool engaged = p->news.flags & (KN_FLAG_ENGAGED | (p->tilt > 0.0 ? KN_FLAG_RAMPING : 0));
+    bool turned = turn(p, dt_s);
+    bool press =
+        p->mode == KN_POINTER_HAND_FOLLOW && p->wish.held && p->wish.pressed && !p->barred && engaged && over && turned;
+    // A lying tool leaves the object along its axis, so that the object falls off, and then rises.
+    bool opens = !press && p->tilt > 0.0 && p->news.contact && p->opened_m < open_m;
     double goal_m = press ? p->wish.touch_z_m - p->wish.depth_m : p->wish.hover_z_m;
     // The ground is the lowest height that the tool has reached in this press. The object has been pushed down to the
     // ground, so the tool needs to move slowly only below the ground.
     p->ground_m = press ? fmin(fmin(p->ground_m, p->wish.touch_z_m), x[2]) : INFINITY;
-    move_sideways(p, press, dt_s);
+    move_sideways(p, press, opens, dt_s);
     if (press && x[2] > goal_m) move_down(p, goal_m, dt_s);
+    else if (opens)
+        x[2] += dt_s * (p->point.velocity_m_s[2] = toward(p->point.velocity_m_s[2], 0.0, object_m_s2 * dt_s));
     else move_up(p, goal_m, dt_s);
-    p->news.depth_m = press ? fmax(0.0, p->wish.touch_z_m - x[2]) : 0.0;
+    p->news.depth_m = press && p->tilt == 0.0 ? fmax(0.0, p->wish.touch_z_m - x[2]) : 0.0;
+    p->news.presses = press;
+    p->news.there = press && fabs(x[2] - goal_m) < clear_m;
 }
 
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
@@ -214,6 +243,7 @@ kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish 
     p->mode_ms += elapsed_ms;
     p->news.mode = p->mode;
     p->news.released = !p->barred;
+    p->news.press = wish->press;
     if (p->mode == KN_POINTER_HAND_ABSENT || p->mode == KN_POINTER_HAND_SILENT) return (kn_hand_out){.leaves = true};
     follow(p);
     p->seq++;
@@ -225,6 +255,9 @@ kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish 
 static const double hover_m = 0.004; // height of the hovering tool above the highest point of the object
 // When the pointer is outside the object, the tool follows it up to this distance from the object's edge.
 static const double beside_m = 0.02;
+// aside_m: distance from the object at which the tools of a grip come down. above_table_m: least distance of a lying
+// tool from the table. steepest: largest slope of a line of sight that sees a side of the object.
+static const double aside_m = 0.005, above_table_m = 1e-3, steepest = 2.0;
 static const double uneven_m = 2e-3; // largest unevenness of the top that a flat tool levels slowly before a press
 // Fraction of the object's height that must remain under the tool, because thinner cells turn inside out.
 static const double thinnest = 0.5;
@@ -283,4 +316,65 @@ double kn_pointer_hand_reach_deepest(const kn_pointer_hand_reach *r, const kn_po
     // A round tool must not sink deeper than its radius.
     double most_m = fmax(0, from_m - thinnest * r->extent_m[2]);
     return kn_tool_height_flat(r->tool->shape) ? most_m : fmin(most_m, kn_tool_height_m(r->tool));
+}
+
+bool kn_pointer_hand_grip_begin(kn_pointer_hand_grip *g, const kn_mesh *mesh, const float sight[2][3])
+{
+    double low_m[2] = {INFINITY, INFINITY}, high_m[2] = {-INFINITY, -INFINITY}, line[2][3], ahead[3];
+    for (int v = 0; v < mesh->vertex_count; v++)
+        for (int i = 0; i < 2; i++) {
+            low_m[i] = fmin(low_m[i], mesh->positions_m[3 * v + i]);
+            high_m[i] = fmax(high_m[i], mesh->positions_m[3 * v + i]);
+        }
+    for (int i = 0; i < 2; i++) g->middle_m[i] = 0.5 * (low_m[i] + high_m[i]);
+    for (int k = 0; k < 2; k++) {
+        const double far = hypot(hypot((double)sight[k][0], (double)sight[k][1]), (double)sight[k][2]);
+        for (int i = 0; i < 3; i++) line[k][i] = (double)sight[k][i] / far;
+    }
+    for (int i = 0; i < 3; i++) ahead[i] = line[0][i] + line[1][i];
+    const double flat = hypot(ahead[0], ahead[1]);
+    if (!(fabs(ahead[2]) < steepest * flat)) return false;
+    const bool mirrored = line[0][1] * ahead[0] - line[0][0] * ahead[1] > line[1][1] * ahead[0] - line[1][0] * ahead[1];
+    g->axis[0] = (mirrored ? ahead[1] : -ahead[1]) / flat;
+    g->axis[1] = (mirrored ? -ahead[0] : ahead[0]) / flat;
+    g->closes = false;
+    return true;
+}
+
+void kn_pointer_hand_grip_aim(const kn_pointer_hand_grip *g, const kn_pointer_hand_reach *const r[2],
+                              const kn_mesh *mesh, const float eye_m[3], const float sight[2][3],
+                              kn_pointer_hand_wish *const wish[2])
+{
+    const double *a = g->axis, eye[2] = {(double)eye_m[0] - g->middle_m[0], (double)eye_m[1] - g->middle_m[1]};
+    const double tip_m[2] = {kn_tool_height_m(r[0]->tool), kn_tool_height_m(r[1]->tool)};
+    // The object's width along the axis at rest, and its ends along the axis now, from the middle of the grip.
+    const double width_m = fabs(a[0]) * r[0]->extent_m[0] + fabs(a[1]) * r[0]->extent_m[1];
+    double low_m = INFINITY, high_m = -INFINITY, top_m = 0, side_m[2], z_m[2];
+    for (int v = 0; v < mesh->vertex_count; v++) {
+        const float *x = mesh->positions_m + 3 * v;
+        const double s_m = a[0] * ((double)x[0] - g->middle_m[0]) + a[1] * ((double)x[1] - g->middle_m[1]);
+        low_m = fmin(low_m, s_m), high_m = fmax(high_m, s_m), top_m = fmax(top_m, (double)x[2]);
+    }
+    for (int k = 0; k < 2; k++) {
+        const double sx = (double)sight[k][0], sy = (double)sight[k][1];
+        const double far = (eye[0] * a[1] - eye[1] * a[0]) / (sy * a[0] - sx * a[1]);
+        side_m[k] = a[0] * (eye[0] + far * sx) + a[1] * (eye[1] + far * sy);
+        z_m[k] = (double)eye_m[2] + far * (double)sight[k][2];
+        if (!(far > 0) || !isfinite(side_m[k]) || !isfinite(z_m[k])) return;
+        const double most_m = 0.5 * width_m + beside_m + tip_m[k];
+        side_m[k] = fmin(fmax(side_m[k], -most_m), most_m);
+    }
+    if (g->closes) {
+        const double lack_m = thinnest * width_m + tip_m[0] + tip_m[1] - (side_m[1] - side_m[0]);
+        side_m[0] -= 0.5 * fmax(0, lack_m), side_m[1] += 0.5 * fmax(0, lack_m);
+    } else side_m[0] = low_m - tip_m[0] - aside_m, side_m[1] = high_m + tip_m[1] + aside_m;
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < 2; i++) {
+            wish[k]->axis[i] = k ? a[i] : -a[i];
+            wish[k]->at_m[i] = g->middle_m[i] + side_m[k] * a[i];
+        }
+        // The whole way below the hover height counts as a press, so the tool moves there as slowly as in a press.
+        wish[k]->touch_z_m = wish[k]->flush_z_m = wish[k]->hover_z_m;
+        wish[k]->depth_m = fmax(0, wish[k]->hover_z_m - fmax(fmin(z_m[k], top_m), tip_m[k] + above_table_m));
+    }
 }

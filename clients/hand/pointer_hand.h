@@ -28,7 +28,10 @@ typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all
     double touch_z_m;
     double flush_z_m; // z at which a flat tool touches the object everywhere; <= touch_z_m
     double depth_m;   // wanted depth of the tool below touch_z_m, >= 0
-    int32_t event;    // number of this wish, larger than that of every earlier wish; 0: no wish yet
+    // Horizontal unit vector along which the tool lies, from its tip to its other end; 0, 0: the tool stands upright.
+    // Only a round tool may lie.
+    double axis[2];
+    int32_t event; // number of this wish, larger than that of every earlier wish; 0: no wish yet
     // True: the wish is too old, so the tool is lifted and does not press before the button is released.
     bool stale;
 } kn_pointer_hand_wish;
@@ -43,13 +46,16 @@ typedef enum kn_pointer_hand_mode {
 typedef struct kn_pointer_hand_news { // state of the hand after one millisecond
     kn_pointer_hand_mode mode;
     // force_n: magnitude of the force on the hand. depth_m: depth of the tool below touch_z_m; 0 if the tool does not
-    // press.
+    // press, or lies.
     double force_n, depth_m;
     // Flags and fault in the newest force message; 0 if no force message has come for 20 ms.
     int32_t flags, fault;
     bool contact;
+    bool presses;  // true: the tool presses, or comes down to press. false: it hovers, or rises
+    bool there;    // true: the tool presses and is at its wanted height
     bool heard;    // true: kneadd answers the poses of this hand
     bool released; // false: the button must be released before the tool presses again, for example after a fault
+    int32_t press; // number of the press that this state belongs to
     int32_t event; // number of the newest wish that kneadd has answered
     int64_t tick;  // tick in which kneadd answered the wish `event`
 } kn_pointer_hand_news;
@@ -65,6 +71,9 @@ typedef struct kn_pointer_hand {
     int mode_ms;
     // Lowest z that the tool has reached in this press; not above touch_z_m. INFINITY: the tool is not pressing.
     double ground_m;
+    // tilt: angle between the tool's axis and the vertical, rad. axis: wish.axis to which the tool turns or has turned.
+    // opened_m: way that the tool has gone along its axis, to get out of the object, since it pressed.
+    double tilt, axis[2], opened_m;
     // placed: true once `point` holds a position. barred: the tool must not press before the button is released.
     bool placed, barred;
     int32_t asked_event; // number of the wish that was sent with pose asked_seq and is not answered yet; 0: none
@@ -112,5 +121,24 @@ bool kn_pointer_hand_reach_touch(const kn_pointer_hand_reach *reach, const kn_me
 // Return the largest depth of a press below wish->touch_z_m, m. While nothing is pressed, return the largest depth
 // below the top of the undeformed object.
 double kn_pointer_hand_reach_deepest(const kn_pointer_hand_reach *reach, const kn_pointer_hand_wish *wish);
+
+// Grip: translates two lines of sight into wishes for two round tools that lie on both sides of the object. The tools
+// move in a vertical plane that goes through the object and faces the eye.
+
+typedef struct kn_pointer_hand_grip {
+    double middle_m[2]; // x and y of the object's middle when the grip began
+    double axis[2];     // horizontal unit vector from the first tool to the second, in the plane
+    bool closes;        // set by the caller. false: the tools stay beside the object. true: they follow the pointers
+} kn_pointer_hand_grip;
+
+// Begin a grip of an object. sight: directions of the two lines of sight. Return false if they are too steep to see a
+// side of the object.
+bool kn_pointer_hand_grip_begin(kn_pointer_hand_grip *grip, const kn_mesh *mesh, const float sight[2][3]);
+// Set the places, heights and axes of both wishes. reach: of both tools. The tips keep a gap of half of the object's
+// width. They stay above the table, and not above the object's top. If a line does not meet the plane in front of the
+// eye, leave the wishes unchanged.
+void kn_pointer_hand_grip_aim(const kn_pointer_hand_grip *grip, const kn_pointer_hand_reach *const reach[2],
+                              const kn_mesh *mesh, const float eye_m[3], const float sight[2][3],
+                              kn_pointer_hand_wish *const wish[2]);
 
 #endif

@@ -9,19 +9,19 @@ const knead = window.knead = { latency: [], events: 0, frames: 0, first_ms: 0, n
 
 // ---- the wire
 
-const POINTER = 1, SEEN = 2, RETRY_MS = 2000;
+const POINTER = 1, SEEN = 2, GRIP = 3, RETRY_MS = 2000;
 // waiting: pointer events whose effect no drawn frame shows yet: {number, at: time of the event}.
 let socket = null, waiting = [];
 let asked = 0; // id of the last request
 const answers = new Map(); // callbacks of unanswered requests, by id
 
-// Send a pointer event. line: line of sight through the pointer, {eye, sight}.
-function sendPointer(number, pressed, depth_m, line) {
+// Send a pointer event. lines: lines of sight through the pointer, or through both fingers of a grip: {eye, sight}.
+function sendPointer(number, pressed, depth_m, lines) {
     if (socket?.readyState !== WebSocket.OPEN) return;
-    const bytes = new DataView(new ArrayBuffer(36));
+    const bytes = new DataView(new ArrayBuffer(24 + 12 * lines.length));
     bytes.setUint32(0, number, true);
-    [POINTER, pressed].forEach((x, i) => bytes.setUint8(4 + i, x));
-    [depth_m, ...line.eye, ...line.sight].forEach((x, i) => bytes.setFloat32(8 + 4 * i, x, true));
+    [lines.length > 1 ? GRIP : POINTER, pressed].forEach((x, i) => bytes.setUint8(4 + i, x));
+    [depth_m, ...lines[0].eye, ...lines.flatMap(({ sight }) => sight)].forEach((x, i) => bytes.setFloat32(8 + 4 * i, x, true));
     socket.send(bytes);
 }
 
@@ -295,7 +295,8 @@ function showTag() {
     const [u, v] = seenAt(camera(), pose.at);
     $('tag').style.left = `${clamp(100 * u, 2, 80)}%`;
     $('tag').style.top = `${clamp(100 * v, 4, 92)}%`;
-    write($('tag'), `${Math.hypot(...pose.force).toFixed(2)} N, ${now.depth_mm.toFixed(1)} mm deep`);
+    const deep = now.depth_mm ? `, ${now.depth_mm.toFixed(1)} mm deep` : '';
+    write($('tag'), `${Math.hypot(...pose.force).toFixed(2)} N${deep}`);
 }
 
 // ---- pointer
@@ -304,10 +305,10 @@ function showTag() {
 // change of depth per key, mm. KEY_STEP: step of an arrow key, as a share of the picture. TOUCH_MS: a finger presses only
 // after this time, because a second one may come, ms. TELL_MS: least time between two messages of moves, ms.
 const REPEAT_MS = 50, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015, TOUCH_MS = 80, TELL_MS = 10;
-// u, v: place in the picture at which the tool aims. holder: what holds the press: a pointer's id, 'key', or null (no
-// press). line: line of sight of the last aim. view: camera with which the press began. share: share of the depth that a
-// pen asks for by its pressure.
-const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5, line: null, view: null, share: 1 };
+// u, v: place in the picture at which the tool aims. holder: what holds the press: a pointer's id, 'key', 'grip' (two
+// fingers), or null (no press). lines: lines of sight of the last aim. view: camera with which the press began. share:
+// share of the depth that a pen asks for by its pressure.
+const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5, lines: null, view: null, share: 1 };
 const fingers = new Map(); // places of the fingers on the picture, by id; two at most
 // soon: timer that will send the pointer, 0: none. soonAt: time of the first event that it will send. toldAt: time when
 // the pointer was last sent. pressSoon: timer that will begin the press of a finger, 0: none.
@@ -320,9 +321,10 @@ const depthNow = () => clamp(hand.depth_mm, 0, Number(slider.max));
 function sayPointer() {
     const seen = camera(), view = seen?.matrix.join();
     if (hand.holder === null) hand.view = null;
-    if (seen && (hand.view ??= view) === view) hand.line = sightOf(seen, hand.u, hand.v);
+    const places = hand.holder === 'grip' ? [...fingers.values()] : [hand];
+    if (seen && (hand.view ??= view) === view) hand.lines = places.map(({ u, v }) => sightOf(seen, u, v));
     const depth_m = Math.min(0.0999, hand.share * depthNow() / 1000);
-    if (hand.line) sendPointer(++knead.events, hand.holder === null ? 0 : 1, depth_m, hand.line);
+    if (hand.lines?.length === places.length) sendPointer(++knead.events, hand.holder === null ? 0 : 1, depth_m, hand.lines);
 }
 
 // Send the pointer now.
@@ -386,7 +388,8 @@ picture.addEventListener('pointerdown', (event) => {
     const touch = event.pointerType === 'touch', id = event.pointerId;
     if (touch && fingers.size < 2) {
         fingers.set(id, placeOf(event));
-        if (fingers.size === 2) return letGo(), beginPinch([...fingers.values()]); // two fingers turn and zoom the view
+        // Two fingers grip the object if the scene has two round tools. Otherwise they turn and zoom the view.
+        if (fingers.size === 2) return letGo(), about?.second && scene ? press('grip') : beginPinch([...fingers.values()]);
     }
     if (hand.holder !== null || fingers.size > 1) return;
     if (event.button === 1 || event.button === 2 || (event.button === 0 && event.shiftKey)) return beginOrbit(event);
@@ -406,13 +409,14 @@ picture.addEventListener('pointermove', (event) => {
 window.addEventListener('pointermove', (event) => {
     if (fingers.has(event.pointerId)) fingers.set(event.pointerId, placeOf(event));
     if (fingers.size === 2) return movePinch([...fingers.values()]);
+    if (hand.holder === 'grip' && fingers.has(event.pointerId)) return tellSoon();
     if (hand.holder !== event.pointerId) return;
     if (event.buttons & 1) aim(event), tellSoon(); // stroke the object at the current depth
     else letGo(); // the left button was released while another was down: the browser sends no pointerup for this
 });
 onRelease(({ pointerId }) => {
     const finger = fingers.delete(pointerId);
-    if (hand.holder === pointerId || (finger && pressSoon)) letGo();
+    if (hand.holder === pointerId || (finger && (pressSoon || hand.holder === 'grip'))) letGo();
 });
 picture.addEventListener('wheel', (event) => {
     event.preventDefault();

@@ -286,9 +286,10 @@ static bool take_pointer(const uint8_t *b, kn_web_message *m)
     bool good = b[5] <= 1 && b[6] == 0 && b[7] == 0 && f32(b + 8, 0, KN_WEB_DEPTH_MAX, &m->depth_m);
     for (int i = 0; i < 3; i++)
         good = good && f32(b + 12 + 4 * i, -KN_WEB_SIGHT_MAX, KN_WEB_SIGHT_MAX, &m->eye_m[i]) &&
-               f32(b + 24 + 4 * i, -KN_WEB_SIGHT_MAX, KN_WEB_SIGHT_MAX, &m->sight[i]);
+               f32(b + 24 + 4 * i, -KN_WEB_SIGHT_MAX, KN_WEB_SIGHT_MAX, &m->sight[i]) &&
+               (m->kind != KN_WEB_GRIP || f32(b + 36 + 4 * i, -KN_WEB_SIGHT_MAX, KN_WEB_SIGHT_MAX, &m->second[i]));
     m->pressed = b[5];
-    return good;
+    return good && (m->pressed || m->kind != KN_WEB_GRIP);
 }
 
 // Handle a binary message: a pointer event, or the acknowledgement of a message.
@@ -297,15 +298,15 @@ static int take(kn_gateway *g, struct lws *wsi, session *s)
     const uint8_t *b = s->message;
     kn_web_page *page = &g->page[s->page];
     kn_web_message m = {0};
-    if (s->length != KN_WEB_POINTER_SIZE && s->length != KN_WEB_SEEN_SIZE)
-        return hang_up(g, wsi, PROTOCOL, "malformed message: expected 36 or 8 bytes, or JSON as text");
-    m.number = u32(b), m.kind = b[4];
-    if (m.kind != (s->length == KN_WEB_SEEN_SIZE ? KN_WEB_SEEN : KN_WEB_POINTER))
-        return hang_up(g, wsi, PROTOCOL, "malformed message: expected kind 1 in 36 bytes, or kind 2 in 8 bytes");
-    if (m.kind == KN_WEB_POINTER && !take_pointer(b, &m))
+    static const size_t sizes[] = {0, KN_WEB_POINTER_SIZE, KN_WEB_SEEN_SIZE, KN_WEB_GRIP_SIZE};
+    m.number = s->length > 4 ? u32(b) : 0, m.kind = s->length > 4 ? b[4] : 0;
+    if (m.kind < KN_WEB_POINTER || m.kind > KN_WEB_GRIP || s->length != sizes[m.kind])
+        return hang_up(g, wsi, PROTOCOL,
+                       "malformed message: expected kind 1 in 36 bytes, 2 in 8, 3 in 48, or JSON as text");
+    if (m.kind != KN_WEB_SEEN && !take_pointer(b, &m))
         return hang_up(g, wsi, PROTOCOL,
                        "malformed pointer: expected pressed 0..1, depth 0..0.1 m, a finite line of sight");
-    if (m.kind == KN_WEB_POINTER) g->on_message(g->arg, s->page, &m);
+    if (m.kind != KN_WEB_SEEN) g->on_message(g->arg, s->page, &m);
     // Accept an acknowledgement only for a message that was sent and is not acknowledged yet. Unsigned differences are
     // right even after the counters have wrapped.
     else if (m.number - page->seen <= page->sent - page->seen) page->seen = m.number;
@@ -328,10 +329,10 @@ static int take_words(kn_gateway *g, struct lws *wsi, const session *s)
 static int receive(kn_gateway *g, struct lws *wsi, session *s, const void *bytes, size_t size)
 {
     if (lws_is_first_fragment(wsi)) s->length = 0;
-    size_t most = s->page < 0 || lws_frame_is_binary(wsi) ? KN_WEB_POINTER_SIZE : KN_PAGE_REQUEST_MAX;
+    size_t most = s->page < 0 || lws_frame_is_binary(wsi) ? KN_WEB_GRIP_SIZE : KN_PAGE_REQUEST_MAX;
     // A page that has just lost its place may have received more than a guest may send.
     if (s->length > most || size > most - s->length)
-        return hang_up(g, wsi, TOO_BIG, "message too large: expected at most 36 bytes, or 256 of JSON as text");
+        return hang_up(g, wsi, TOO_BIG, "message too large: expected at most 48 bytes, or 256 of JSON as text");
     memcpy(s->message + s->length, bytes, size);
     s->length += size;
     if (!lws_is_final_fragment(wsi)) return 0;

@@ -95,24 +95,25 @@ bool kn_page_request_parse(kn_page_request *request, const char *text, size_t si
 #define KN_GATEWAY_ANSWERS 16 // largest number of answers that wait to be sent to a page
 
 // POINTER: line of sight through the pointer, and state of its button. SEEN: the page has received a message of the
-// gateway, or has drawn its picture.
-typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN } kn_web_kind;
+// gateway, or has drawn its picture. GRIP: lines of sight through two fingers that grip the object.
+typedef enum kn_web_kind { KN_WEB_POINTER = 1, KN_WEB_SEEN, KN_WEB_GRIP } kn_web_kind;
 
-// Checked message of a page. POINTER has all fields, SEEN only the first two.
+// Checked message of a page. GRIP has all fields, POINTER all but the last, SEEN only the first two.
 typedef struct kn_web_message {
     kn_web_kind kind;
-    uint32_t number; // POINTER: number of the event; SEEN: number of that message
+    uint32_t number; // POINTER, GRIP: number of the event; SEEN: number of that message
     bool pressed;
     float depth_m; // 0..KN_WEB_DEPTH_MAX
     // Line of sight through the pointer, in the scene: eye point, m, and direction. Each component is at most
     // KN_WEB_SIGHT_MAX.
     float eye_m[3], sight[3];
+    float second[3]; // direction of the line of sight through the second finger, from the same eye point
 } kn_web_message;
 
 #define KN_WEB_DEPTH_MAX 0.1f
 #define KN_WEB_SIGHT_MAX 1e4f
-#define KN_WEB_POINTER_SIZE 36 // size of a POINTER message, bytes
-#define KN_WEB_SEEN_SIZE 8     // size of a SEEN message, bytes
+// sizes of the messages, bytes
+enum { KN_WEB_POINTER_SIZE = 36, KN_WEB_SEEN_SIZE = 8, KN_WEB_GRIP_SIZE = 48 };
 
 // Answer to a request, waiting to be sent to the page that made the request.
 typedef struct kn_web_answer {

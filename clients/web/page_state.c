@@ -100,7 +100,8 @@ static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_server_now_ms(
 // that holds decides.
 static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
-    const kn_pointer_hand_news *n = &w->tool.news;
+    const kn_pointer_hand_news *n = kn_page_tool_news(&w->tool);
+    const bool grips = w->tool.button == KN_BUTTON_GRIPS;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
 #define SAY_FAULT(fault)                                                                                               \
     SAY("fault", "force set to zero: %s. To continue: %s", kn_fault_name(fault), kn_fault_remedy(fault))
@@ -110,13 +111,14 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (w->live.scene_error[0]) SAY("fault", "cannot read the scene that is served: %s", w->live.scene_error);
     if (kn_live_server_now_ms() - w->state.mesh_ms > UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
-    if (!w->tool.def) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
+    if (!w->tool.hand[0].def) SAY("fault", "the scene has no probe%s%s", w->probe ? " " : "", w->probe ? w->probe : "");
     // An emergency stop applies to all tools, even if this page has no tool.
     if (!stale(w->state.status_ms) && w->state.status.mode == KNEAD_STATUS_T_MODE_ESTOP) SAY_FAULT(KN_FAULT_ESTOP);
     if (w->tool.lent) SAY("wait", "recording %d is being played", w->tool.lent);
-    if (!w->tool.moving) SAY("fault", "no device: %.300s", w->tool.error);
+    if (!w->tool.hand[0].moving) SAY("fault", "no device: %.300s", w->tool.hand[0].error);
     // The conditions from here on depend on the tool: first faults, then reasons to wait, then contact.
-    if (!kn_pointer_hand_reach_fits(&w->tool.reach, &w->live.mesh)) SAY("wait", "waiting for the mesh of this scene");
+    if (!kn_pointer_hand_reach_fits(&w->tool.hand[0].reach, &w->live.mesh))
+        SAY("wait", "waiting for the mesh of this scene");
     if (kn_page_tool_is_taken(&w->tool, page)) SAY("wait", "another page holds the tool");
     if (n->mode == KN_POINTER_HAND_SILENT) SAY("fault", "force is zero; a new session begins in a moment");
     if (n->fault > KN_FAULT_IMPULSE && n->fault != KN_FAULT_OVERLOAD) SAY_FAULT((kn_fault)n->fault);
@@ -125,16 +127,20 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
             n->fault ? kn_fault_name((kn_fault)n->fault) : "no force for 20 ms");
     if (n->mode == KN_POINTER_HAND_ABSENT && w->tool.button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
     if (!n->heard && n->mode == KN_POINTER_HAND_FOLLOW)
-        SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool.def->name);
+        SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool.hand[0].def->name);
     if (!n->released || w->tool.button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
     if (!(n->flags & KN_FLAG_ENGAGED))
         SAY("wait", n->contact ? "poses were late: the force fades and returns" : "engaging");
+    if (w->tool.button == KN_BUTTON_STEEP)
+        SAY("wait", "to grip, look at a side of the object: turn the view, or press Front");
     if (w->tool.button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
     if (n->contact) SAY("ok", "in contact");
-    SAY("ok", w->tool.button == KN_BUTTON_UP ? "ready: press on the object"
-              : n->depth_m > 0               ? "held still: no contact force"
-                                             : "moving down");
+    SAY("ok", w->tool.button == KN_BUTTON_UP  ? "ready: press on the object"
+              : grips && !w->tool.grip.closes ? "both tools move beside the object"
+              : grips                         ? "move the fingers together to grip"
+              : n->depth_m > 0                ? "held still: no contact force"
+                                              : "moving down");
 #undef SAY_FAULT
 #undef SAY
 }
@@ -311,9 +317,9 @@ size_t kn_page_state_write(void *self, int page, uint8_t *bytes, size_t size)
     put(&t,
         "{\"frame\":%u,\"tick\":%" PRId64
         ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,\"mine\":%s,\"level\":\"%s\"",
-        p->sent, w->live.mesh.tick, w->tool.news.force_n, 1e3 * w->tool.news.depth_m,
-        w->tool.moving ? 1e3 * kn_pointer_hand_reach_deepest(&w->tool.reach, &w->tool.wish) : 0,
-        w->tool.news.contact ? "true" : "false", w->tool.owner == page ? "true" : "false", level);
+        p->sent, w->live.mesh.tick, w->tool.hand[0].news.force_n, 1e3 * w->tool.hand[0].news.depth_m,
+        w->tool.hand[0].moving ? 1e3 * kn_pointer_hand_reach_deepest(&w->tool.hand[0].reach, &w->tool.hand[0].wish) : 0,
+        w->tool.hand[0].news.contact ? "true" : "false", w->tool.owner == page ? "true" : "false", level);
     put_words(&t, "status", words);
     put_traces(w, p, &t);
     put_answers(p, &t);
@@ -344,7 +350,8 @@ void kn_page_state_scene(kn_web *w)
     kn_page_state *s = &w->state;
     char why[300];
     kn_springs springs = {0};
-    snprintf(s->touch_channel, sizeof s->touch_channel, "KNEAD_TOUCH_%s", w->tool.def ? w->tool.def->name : "");
+    snprintf(s->touch_channel, sizeof s->touch_channel, "KNEAD_TOUCH_%s",
+             w->tool.hand[0].def ? w->tool.hand[0].def->name : "");
     s->touch_ms = 0;
     kn_model *model = kn_model_build(&w->live.scene->model, why, sizeof why);
     s->nodes = s->edges = s->cells = 0;
@@ -456,7 +463,9 @@ static bool fault_of_another(const kn_web *w)
     {
         const char *name = json_string_value(json_object_get(one, "name"));
         const char *fault = json_string_value(json_object_get(one, "fault"));
-        const bool own = w->tool.def && name && strcmp(name, w->tool.def->name) == 0;
+        bool own = false;
+        for (int k = 0; k < 2; k++)
+            own = own || (w->tool.hand[k].def && name && strcmp(name, w->tool.hand[k].def->name) == 0);
         if (!own && fault && strcmp(fault, kn_fault_name(KN_FAULT_NONE)) != 0) return true;
     }
     return false;
@@ -475,8 +484,9 @@ static json_t *control(const kn_web *w)
     // If lifting the tool does not clear a latched fault, the page needs the button Recover, as after an emergency
     // stop. Recover is not needed if only the session of this page has a fault and the hand has left the tool, because
     // the fault then ends by itself.
-    const bool fault =
-        mode && strcmp(mode, "FAULT") == 0 && (w->tool.news.mode != KN_POINTER_HAND_ABSENT || fault_of_another(w));
+    const bool fault = mode && strcmp(mode, "FAULT") == 0 &&
+                       (w->tool.hand[0].news.mode != KN_POINTER_HAND_ABSENT ||
+                        w->tool.hand[1].news.mode != KN_POINTER_HAND_ABSENT || fault_of_another(w));
     const bool stopped = fault || (mode && strcmp(mode, "ESTOP") == 0);
     return json_pack("{s:s?, s:b, s:b, s:I, s:s?, s:b, s:s?, s:s?}", "why", why, "orders", w->control != NULL, "saves",
                      json_is_string(json_object_get(state, "directory")), "snapshot",
@@ -534,16 +544,18 @@ static json_t *told(const char *words)
 static json_t *about(const kn_web *w)
 {
     const kn_scene *s = w->live.scene;
-    json_t *all = json_pack("{s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:i, s:i}", "scene",
-                            told(s ? s->name : ""), "tool", told(w->tool.def ? w->tool.def->name : ""), "control",
-                            control(w), "scenes", scenes(w), "unlisted", w->client.scenes_unlisted, "materials",
-                            materials(), "loop", loop(&w->state), "energy", energy(&w->state), "mesh", mesh(w), "view",
-                            view(w), "recordings", recordings(w), "recording", kn_recordings_running(&w->recordings),
-                            "playing", w->tool.lent, "replaying", w->recordings.child_pid ? w->recordings.child_of : 0);
+    json_t *all =
+        json_pack("{s:o, s:o, s:o, s:o, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:i, s:i, s:i}", "scene",
+                  told(s ? s->name : ""), "tool", told(w->tool.hand[0].def ? w->tool.hand[0].def->name : ""), "control",
+                  control(w), "scenes", scenes(w), "unlisted", w->client.scenes_unlisted, "materials", materials(),
+                  "loop", loop(&w->state), "energy", energy(&w->state), "mesh", mesh(w), "view", view(w), "recordings",
+                  recordings(w), "recording", kn_recordings_running(&w->recordings), "playing", w->tool.lent,
+                  "replaying", w->recordings.child_pid ? w->recordings.child_of : 0);
     if (all && s) json_object_set_new(all, "material", material(&s->model.material));
     if (all && s) json_object_set_new(all, "points", points(s));
     json_t *object = all ? kn_page_mesh_describe(&w->mesh) : NULL;
     if (object) json_object_set_new(all, "object", object);
+    if (all && w->tool.hand[1].def) json_object_set_new(all, "second", told(w->tool.hand[1].def->name));
     if (all && s && *s->label) json_object_set_new(all, "label", told(s->label));
     return all;
 }

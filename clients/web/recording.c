@@ -136,7 +136,7 @@ static bool tidy(kn_recordings *t)
 static const char *begin(kn_recordings *t)
 {
     kn_recording *one = &t->recording[t->count % KN_RECORDINGS];
-    if (!t->tool->def || t->tool->lent) return "The pointer moves no tool now.";
+    if (!t->tool->hand[0].def || t->tool->lent) return "The pointer moves no tool now.";
     tidy(t);
     if (kn_recordings_running(t)) return "Another recording is running.";
     if (!*t->folder) return "There is no folder for recordings.";
@@ -144,7 +144,7 @@ static const char *begin(kn_recordings *t)
     // The thread of the last recording has ended, so this join does not wait.
     if (t->now) pthread_join(t->thread, NULL);
     drop(t, one);
-    snprintf(t->probe, sizeof t->probe, "%s", t->tool->def->name);
+    snprintf(t->probe, sizeof t->probe, "%s", t->tool->hand[0].def->name);
     atomic_store(&t->end, false);
     memset(one, 0, sizeof *one);
     one->number = ++t->count;
@@ -272,10 +272,11 @@ static const char *verify(kn_recordings *t, int number)
 static const char *play(kn_recordings *t, int number)
 {
     char path[128];
-    const char *why = t->tool->def ? obstacle(t, number) : "There is no such tool.";
+    const char *why = t->tool->hand[0].def ? obstacle(t, number) : "There is no such tool.";
     if (why) return why;
     kn_recordings_path(t, number, "path", path);
-    const char *argv[12] = {"knead", "probe", "--path", path, "--probe", t->tool->def->name, "--tries", "1", "--quiet"};
+    const char *argv[12] = {"knead",   "probe", "--path", path, "--probe", t->tool->hand[0].def->name,
+                            "--tries", "1",     "--quiet"};
     if (t->url) argv[9] = "--lcm-url", argv[10] = t->url;
     return start(t, number, true, (char *const *)(uintptr_t)argv);
 }
@@ -287,7 +288,7 @@ static const char *lend(kn_recordings *t, int number)
 {
     const char *why = !kn_recordings_find(t, number)  ? "There is no such recording."
                       : t->tool->lent || t->child_pid ? "Another recording is being replayed."
-                      : !t->tool->moving              ? "The pointer moves no tool now."
+                      : !t->tool->hand[0].moving      ? "The pointer moves no tool now."
                                                       : NULL;
     if (why) return why;
     kn_page_tool_lend(t->tool, number);

@@ -28,6 +28,11 @@ static struct {
     int64_t tick;
     double peak_n, lowest_m, slip_m, fastest_m_s;
     int sent, faults, contact_ms;
+    // the second hand of a grip, which moves probe 1 while grips is true
+    bool grips, second_answered;
+    kn_pointer_hand second;
+    kn_pointer_hand_wish second_wish;
+    kn_hand_force second_force;
 } b;
 
 static void look(void)
@@ -35,9 +40,39 @@ static void look(void)
     kn_surface_positions(b.surface, b.model, b.backend.state(b.backend.self), b.mesh.positions_m);
 }
 
+// Give a hand's pose to kneadd.
+static void send(int probe, const kn_hand_out *hand, kn_tick_in *in)
+{
+    static kn_pose last[2]; // the last poses of the sessions
+    kn_pose *pose = &last[probe];
+    if (hand->send) {
+        *pose = (kn_pose){.session = hand->session, .seq = hand->seq};
+        memcpy(pose->orientation_wxyz, hand->point.orientation_wxyz, sizeof pose->orientation_wxyz);
+        memcpy(pose->position_m, hand->point.position_m, sizeof pose->position_m);
+        memcpy(pose->velocity_m_s, hand->point.velocity_m_s, sizeof pose->velocity_m_s);
+    }
+    if (b.sent > 0 && !b.deaf) in->pose[probe] = pose;
+    in->fresh[probe] = hand->send && !b.deaf;
+}
+
+// Take kneadd's answer to a hand.
+static bool hear(const kn_force *f, kn_hand_force *force)
+{
+    *force = (kn_hand_force){.session = f->session,
+                             .seq = f->seq,
+                             .tick = b.out.tick,
+                             .flags = f->flags,
+                             .fault = f->fault,
+                             .contacts = f->contacts};
+    memcpy(force->force_n, f->force_n, sizeof force->force_n);
+    b.peak_n = fmax(b.peak_n, fabs(f->force_n[2]));
+    b.faults += f->fault != 0;
+    b.contact_ms += f->contacts > 0;
+    return f->live;
+}
+
 static void run(int ms)
 {
-    static kn_pose pose; // the last pose of the session
     for (int i = 0; i < ms; i++) {
         kn_tool_path_point before = b.pointer.point;
         bool moved = b.sent > 0;
@@ -50,27 +85,16 @@ static void run(int ms)
         if (hand.send) {
             b.sent++;
             b.lowest_m = fmin(b.lowest_m, x[2]);
-            pose = (kn_pose){.session = hand.session, .seq = hand.seq, .orientation_wxyz = {1, 0, 0, 0}};
-            memcpy(pose.position_m, x, sizeof pose.position_m);
-            memcpy(pose.velocity_m_s, v, sizeof pose.velocity_m_s);
         }
         kn_tick_in in = {.tick = b.tick++};
-        bool fresh = hand.send && !b.deaf;
-        if (b.sent > 0 && !b.deaf) in.pose[b.probe] = &pose;
-        in.fresh[b.probe] = fresh;
+        send(b.probe, &hand, &in);
+        if (b.grips) {
+            hand = kn_pointer_hand_tick(&b.second, &b.second_wish, b.second_answered ? &b.second_force : NULL, 1);
+            send(1, &hand, &in);
+        }
         kn_servo_tick(&b.servo, &in, &b.out);
-        const kn_force *f = &b.out.force[b.probe];
-        b.answered = f->live;
-        b.force = (kn_hand_force){.session = f->session,
-                                  .seq = f->seq,
-                                  .tick = b.out.tick,
-                                  .flags = f->flags,
-                                  .fault = f->fault,
-                                  .contacts = f->contacts};
-        memcpy(b.force.force_n, f->force_n, sizeof b.force.force_n);
-        b.peak_n = fmax(b.peak_n, fabs(f->force_n[2]));
-        b.faults += f->fault != 0;
-        b.contact_ms += f->contacts > 0;
+        b.answered = hear(&b.out.force[b.probe], &b.force);
+        if (b.grips) b.second_answered = hear(&b.out.force[1], &b.second_force);
     }
 }
 
@@ -303,3 +327,75 @@ TEST("the newest answered event is reported with the tick that answered it")
 }
 
 TESTS_MAIN
+
+// Grip as the page does, with two fingers that the eye sees at x and -x and at height z_m, from the front.
+static void grip(kn_pointer_hand_grip *g, double x_m, double z_m, int ms)
+{
+    const float eye[3] = {0, -0.3f, (float)z_m}, sight[2][3] = {{(float)-x_m, 0.3f, 0}, {(float)x_m, 0.3f, 0}};
+    kn_pointer_hand_reach reach[2];
+    for (int i = 0; i < 2; i++) CHECK(kn_pointer_hand_reach_open(&reach[i], &b.scene->model, &b.scene->model.probe[i]));
+    for (int i = 0; i < ms; i += 50) {
+        look();
+        kn_pointer_hand_reach_hover(&reach[0], &b.mesh, &b.wish);
+        kn_pointer_hand_reach_hover(&reach[1], &b.mesh, &b.second_wish);
+        if (!b.wish.pressed) CHECK(kn_pointer_hand_grip_begin(g, &b.mesh, sight));
+        b.wish.pressed = b.second_wish.pressed = b.second_wish.held = true;
+        kn_pointer_hand_grip_aim(g, (const kn_pointer_hand_reach *[]){&reach[0], &reach[1]}, &b.mesh, eye, sight,
+                                 (kn_pointer_hand_wish *[]){&b.wish, &b.second_wish});
+        run(50);
+        g->closes = g->closes || (b.pointer.news.there && b.second.news.there);
+    }
+    for (int i = 0; i < 2; i++) kn_pointer_hand_reach_close(&reach[i]);
+}
+
+static double bottom_m(void)
+{
+    double low_m = 1;
+    look();
+    for (int v = 0; v < b.mesh.vertex_count; v++) low_m = fmin(low_m, b.mesh.positions_m[3 * v + 2]);
+    return low_m;
+}
+
+// deadline: limit on the work of each step; 1: every step is the shortest one, as on a machine that is too slow
+static void lift(int64_t deadline)
+{
+    begin("pinch.yaml", 0, 600);
+    b.servo.deadline = deadline;
+    b.grips = true;
+    kn_pointer_hand_init(&b.second, b.tool->shape, 70);
+    kn_pointer_hand_grip g;
+    grip(&g, 0.03, 0.015, 3000);
+    CHECK(g.closes && !b.pointer.news.contact && !b.second.news.contact);
+    for (int i = 0; i < 20; i++) grip(&g, 0.03 - 0.013 * i / 19, 0.015, 50);
+    grip(&g, 0.017, 0.015, 300);
+    CHECK(b.pointer.news.contact && b.second.news.contact);
+    for (int i = 0; i < 40; i++) grip(&g, 0.017, 0.015 + 0.03 * i / 39, 50);
+    const double lifted_m = bottom_m();
+    printf("lifted by %.1f mm, at most %.2f N\n", 1e3 * lifted_m, b.peak_n);
+    CHECK(lifted_m > 0.005 && b.faults == 0);
+    b.wish.pressed = b.second_wish.pressed = b.second_wish.held = false;
+    for (int i = 0; i < 3000 && b.second.mode != KN_POINTER_HAND_ABSENT; i++) run(1);
+    CHECK(b.second.mode == KN_POINTER_HAND_ABSENT && b.faults == 0);
+    run(1500);
+    CHECK(bottom_m() < 0.001 && b.pointer.tilt == 0 && b.pointer.news.force_n == 0);
+    CHECK(b.fastest_m_s < 0.41 && b.slip_m < 2e-5);
+}
+
+TEST("two hands lie down beside the dough, lift it off the table, drop it, and stand up again") { lift(0); }
+
+TEST("they do so on a processor that is too slow for more than the shortest steps") { lift(1); }
+
+TEST("a grip keeps half of the object's width between its tips, stays below its top, and refuses a view from above")
+{
+    begin("pinch.yaml", 0, 600);
+    b.grips = true;
+    kn_pointer_hand_init(&b.second, b.tool->shape, 70);
+    kn_pointer_hand_grip g;
+    grip(&g, 0.03, 0.015, 2000);
+    grip(&g, 0.001, 0.5, 50);
+    const double gap_m = fabs(b.wish.at_m[0] - b.second_wish.at_m[0]) - 2 * b.tool->radius_m;
+    CHECK_NEAR(gap_m, 0.015, 1e-9);
+    CHECK(b.wish.hover_z_m - b.wish.depth_m < 0.031);
+    CHECK(!kn_pointer_hand_grip_begin(&g, &b.mesh, (const float[2][3]){{0, 0, -1}, {0.1f, 0, -1}}));
+    CHECK(!kn_pointer_hand_grip_begin(&g, &b.mesh, (const float[2][3]){{0}, {0, 1, 0}}));
+}

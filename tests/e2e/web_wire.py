@@ -18,7 +18,7 @@ import served as results
 
 MESA_KB = 1032  # OSMesa's buffer for uploads: when it is full another one is mapped, and for 40 ms there are two
 TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
-POINTER, SEEN = 1, 2
+POINTER, SEEN, GRIP = 1, 2, 3
 
 
 def message(kind, number=1, pressed=0, tool=0, x=0, y=0, depth_m=0.005, eye=None, sight=(0, 0, -1)):  # from above
@@ -169,15 +169,18 @@ class Page(threading.Thread):
     def __init__(self, server, presses):
         super().__init__(daemon=True)
         self.wire, self.presses, self.frames, self.pictures, self.going = Wire(server), presses, 0, 0, True
+        self.gap_s = 0  # longest time between two messages with a picture
         self.lost = 0  # messages that say that the tool is not its own any more
         self.start()
 
     def run(self):
-        begin = time.monotonic()
+        begin = last = time.monotonic()
         while self.going:
             now, picture = self.wire.state()
             if now is None:
                 return
+            if picture:
+                self.gap_s, last = max(self.gap_s, time.monotonic() - last), time.monotonic()
             self.frames, self.pictures = self.frames + 1, self.pictures + (picture > 0)
             self.lost += self.frames > 30 and not now["mine"]
             elapsed = time.monotonic() - begin
@@ -301,10 +304,14 @@ def refusals(server):
 def bad_messages(server):
     nan, infinite = float("nan"), float("inf")
     for sentence, send, code, words in [
-            ("7 bytes", lambda w: w.send(BINARY, b"1234567"), 1002, "expected 36 or 8 bytes"),
-            ("no bytes", lambda w: w.send(BINARY, b""), 1002, "expected 36 or 8 bytes"),
-            ("21 bytes", lambda w: w.send(BINARY, bytes(21)), 1002, "expected 36 or 8 bytes"),
-            ("a pointer of 8 bytes", lambda w: w.send(BINARY, message(POINTER)[:8]), 1002, "kind 2 in 8 bytes"),
+            ("7 bytes", lambda w: w.send(BINARY, b"1234567"), 1002, "expected kind 1 in 36 bytes"),
+            ("no bytes", lambda w: w.send(BINARY, b""), 1002, "expected kind 1 in 36 bytes"),
+            ("21 bytes", lambda w: w.send(BINARY, bytes(21)), 1002, "expected kind 1 in 36 bytes"),
+            ("a grip of 36 bytes", lambda w: w.send(BINARY, message(GRIP)), 1002, "3 in 48"),
+            ("a grip that does not press", lambda w: w.send(BINARY, message(GRIP) + bytes(12)), 1002, "pressed"),
+            ("a grip with an infinite line", lambda w: w.send(BINARY, message(GRIP, pressed=1) +
+                                                              struct.pack("<3f", 0, 0, infinite)), 1002, "sight"),
+            ("a pointer of 8 bytes", lambda w: w.send(BINARY, message(POINTER)[:8]), 1002, "2 in 8"),
             ("a text that is no JSON", lambda w: w.send(TEXT, b"x" * 20), 1002, "JSON object"),
             ("no object", lambda w: w.send(TEXT, b"[1]"), 1002, "JSON object"),
             ("the same field twice", lambda w: w.send(TEXT, b'{"id":1,"id":2,"do":"undo"}'), 1002, "JSON object"),
@@ -328,7 +335,7 @@ def bad_messages(server):
             ("an eye 20 km away", lambda w: w.send(BINARY, message(POINTER, eye=(0, 0, 2e4))), 1002, "line of sight"),
             ("a depth of a metre", lambda w: w.send(BINARY, message(POINTER, depth_m=1)), 1002, "0.1 m"),
             ("a negative depth", lambda w: w.send(BINARY, message(POINTER, depth_m=-0.001)), 1002, "0.1 m"),
-            ("37 bytes", lambda w: w.send(BINARY, bytes(37)), 1009, "too large"),
+            ("49 bytes", lambda w: w.send(BINARY, bytes(49)), 1009, "too large"),
             ("65 bytes", lambda w: w.send(BINARY, bytes(65)), 1009, "too large"),
             ("a megabyte", lambda w: w.send(BINARY, bytes(1 << 20)), 1009, "too large"),
             ("five fragments of 16 bytes",
@@ -615,7 +622,8 @@ def memory(server, seconds):
         fewest, pictures = min(fewest, (page.pictures - pictures) / (time.monotonic() - begin)), page.pictures
     stays = page.is_alive()
     page.stop()
-    print(f"     {page.pictures} pictures in {seconds + 5:.0f} s, {fewest:.1f} a second or more in each 20 s, "
+    print(f"     {page.pictures} pictures in {seconds + 5:.0f} s, {fewest:.1f} a second or more in each 20 s, the "
+          f"longest time between two {page.gap_s:.2f} s, "
           f"{page.wire.pings} pings; memory {before} kB, grown by at most {worst} kB")
     check(f"the memory stays constant over {seconds:.0f} s", worst < 1024 + MESA_KB, worst)
     check("pictures arrive until the end", stays and fewest > 1, stays, fewest)
