@@ -247,6 +247,7 @@ kn_hand_out kn_hand_player_tick(void *self, const kn_hand_force *force, int elap
 // Real-time priority of the device's thread. The priority is below the priorities of kneadd's threads, because the
 // thread stands for a real device, which has its own processor and cannot delay kneadd.
 static const int device_priority = 60;
+#define REST_MS 10 // time between two calls of a hand that sends no poses
 
 // Handle a force message. Keep only the newest force.
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
@@ -326,7 +327,8 @@ bool kn_virtual_device_tick(kn_virtual_device *d, int elapsed_ms)
     return !out.end;
 }
 
-// Main function of the device's thread: join the bus, then call the hand once per millisecond.
+// Main function of the device's thread: join the bus, then call the hand once per millisecond. A hand that sends no
+// poses, because it has let go of its tool, is called every REST_MS.
 static void *device_main(void *self)
 {
     kn_virtual_device *d = self;
@@ -338,12 +340,19 @@ static void *device_main(void *self)
 
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns());
+    int rested_ms = 0;
     for (bool goes_on = true; goes_on && !atomic_load(&d->stop);) {
         // Count the cycles that this thread missed, and report their number to the hand. Missed cycles are not played
         // later.
         int missed = kn_clock_wait(&clock).missed;
         atomic_fetch_add(&d->missed, missed);
-        goes_on = kn_virtual_device_tick(d, 1 + missed);
+        goes_on = kn_virtual_device_tick(d, 1 + missed + rested_ms);
+        rested_ms = 0;
+        if (d->last.send || !goes_on) continue;
+        const int64_t since_ns = kn_now_ns();
+        usleep(1000 * REST_MS);
+        kn_clock_start(&clock, kn_now_ns());
+        rested_ms = (int)((kn_now_ns() - since_ns) / INT64_C(1000000));
     }
     atomic_store(&d->done, true);
     return NULL;

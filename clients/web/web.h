@@ -52,7 +52,7 @@ typedef struct kn_web {
     };
     struct ev_loop *ev;
     ev_io bus_readable, mesh_readable;
-    ev_timer due;
+    ev_timer due, rest;
     ev_signal stops[3];
     char error[512];
     char folder[64]; // folder for the files that this run of `knead web` writes; "": none
