@@ -146,7 +146,7 @@ def main():
     print(f"machine   {model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, {platform.release()}")
     server, bus = Served(o.scene), Bus()
     address = server.address.replace("/#", f"/?draw={'fine' if o.picture else o.draw}#")
-    if o.viewers:
+    if o.viewers is not None:
         until(lambda: bus.tick)
         crowd(server, bus, o.seconds, o.viewers)
         return server.stop()

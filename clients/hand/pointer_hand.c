@@ -93,7 +93,7 @@ static void decide(kn_pointer_hand *p)
     // After a fault in a press, the tool cannot press again until the button is released.
     case KN_POINTER_HAND_FOLLOW:
         if (trouble) p->barred = p->wish.pressed, enter(p, KN_POINTER_HAND_LET_GO);
-        else if (!p->wish.held && lifted(p)) enter(p, KN_POINTER_HAND_ABSENT);
+        else if (!p->wish.held && lifted(p) && p->tilt == 0.0) enter(p, KN_POINTER_HAND_ABSENT);
         break;
     // Wait until the tool is lifted, and then until kneadd clears the fault. If kneadd does not clear the fault within
     // clear_ms, end the session.
@@ -164,8 +164,8 @@ static void move_up(kn_pointer_hand *p, double goal_m, double dt_s)
     *z += *v * dt_s;
 }
 
-// Move the tool sideways towards at_m. The tool moves sideways only when it is lifted, or in a press when it is below
-// the surface (a stroke).
+// Move the tool sideways towards at_m. The tool moves sideways only when it is lifted, in a press when it is below the
+// surface (a stroke), or when a lying tool leaves the object (opens).
 static void move_sideways(kn_pointer_hand *p, bool press, bool opens, double dt_s)
 {
     double way[2], far_m, *v = p->point.velocity_m_s;
@@ -228,7 +228,7 @@ static void follow(kn_pointer_hand *p)
     else move_up(p, goal_m, dt_s);
     p->news.depth_m = press && p->tilt == 0.0 ? fmax(0.0, p->wish.touch_z_m - x[2]) : 0.0;
     p->news.presses = press;
-    p->news.there = press && fabs(x[2] - goal_m) < clear_m;
+    p->news.there = press && p->wish.depth_m > 0.0 && fabs(x[2] - goal_m) < clear_m;
 }
 
 kn_hand_out kn_pointer_hand_tick(kn_pointer_hand *p, const kn_pointer_hand_wish *wish, const kn_hand_force *force,
@@ -338,6 +338,7 @@ bool kn_pointer_hand_grip_begin(kn_pointer_hand_grip *g, const kn_mesh *mesh, co
     g->axis[0] = (mirrored ? ahead[1] : -ahead[1]) / flat;
     g->axis[1] = (mirrored ? -ahead[0] : ahead[0]) / flat;
     g->closes = false;
+    g->lowest_m[0] = g->lowest_m[1] = 0;
     return true;
 }
 
@@ -373,8 +374,10 @@ void kn_pointer_hand_grip_aim(const kn_pointer_hand_grip *g, const kn_pointer_ha
             wish[k]->axis[i] = k ? a[i] : -a[i];
             wish[k]->at_m[i] = g->middle_m[i] + side_m[k] * a[i];
         }
-        // The whole way below the hover height counts as a press, so the tool moves there as slowly as in a press.
+        // The tools come down to a side of the object, so that they cannot close above it.
+        const double most_m = g->closes ? top_m : top_m - tip_m[k],
+                     least_m = fmax(tip_m[k] + above_table_m, g->lowest_m[k]);
         wish[k]->touch_z_m = wish[k]->flush_z_m = wish[k]->hover_z_m;
-        wish[k]->depth_m = fmax(0, wish[k]->hover_z_m - fmax(fmin(z_m[k], top_m), tip_m[k] + above_table_m));
+        wish[k]->depth_m = fmax(0, wish[k]->hover_z_m - fmax(fmin(z_m[k], most_m), least_m));
     }
 }

@@ -19,12 +19,13 @@ typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all
     bool held;     // true: somebody uses the tool. false: the hand lifts the tool and ends its session
     bool pressed;  // true: the button of the mouse is down, or the finger touches the screen
     int32_t press; // number of the press; a new number while pressed means that the button was released in between
-    // Wanted x and y of the tool. If they change while news.depth_m > 0, the tool moves sideways through the object at
-    // constant depth.
+    // Wanted x and y of the tool. If they change during a press that has reached the object, or while the tool lies, the
+    // tool moves sideways through the object.
     double at_m[2];
     double hover_z_m; // z of the hovering tool, where the tool does not touch the object
     // Height z at which the tool touches the object if it comes down at the place at_m. The height is computed when a
-    // press begins, and used only while `pressed` is true.
+    // press begins, and used only while `pressed` is true. For a lying tool it is hover_z_m, so that the tool moves at
+    // the speed of a press all the way down.
     double touch_z_m;
     double flush_z_m; // z at which a flat tool touches the object everywhere; <= touch_z_m
     double depth_m;   // wanted depth of the tool below touch_z_m, >= 0
@@ -72,7 +73,7 @@ typedef struct kn_pointer_hand {
     // Lowest z that the tool has reached in this press; not above touch_z_m. INFINITY: the tool is not pressing.
     double ground_m;
     // tilt: angle between the tool's axis and the vertical, rad. axis: wish.axis to which the tool turns or has turned.
-    // opened_m: way that the tool has gone along its axis, to get out of the object, since it pressed.
+    // opened_m: distance that a lying tool has moved outwards since the press ended.
     double tilt, axis[2], opened_m;
     // placed: true once `point` holds a position. barred: the tool must not press before the button is released.
     bool placed, barred;
@@ -128,15 +129,18 @@ double kn_pointer_hand_reach_deepest(const kn_pointer_hand_reach *reach, const k
 typedef struct kn_pointer_hand_grip {
     double middle_m[2]; // x and y of the object's middle when the grip began
     double axis[2];     // horizontal unit vector from the first tool to the second, in the plane
-    bool closes;        // set by the caller. false: the tools stay beside the object. true: they follow the pointers
+    // Set by the caller after kn_pointer_hand_grip_begin. closes: false: the tools stay beside the object; true: they
+    // follow the pointers. lowest_m: a tool that has touched the object goes no lower than this z.
+    bool closes;
+    double lowest_m[2];
 } kn_pointer_hand_grip;
 
 // Begin a grip of an object. sight: directions of the two lines of sight. Return false if they are too steep to see a
 // side of the object.
 bool kn_pointer_hand_grip_begin(kn_pointer_hand_grip *grip, const kn_mesh *mesh, const float sight[2][3]);
-// Set the places, heights and axes of both wishes. reach: of both tools. The tips keep a gap of half of the object's
-// width. They stay above the table, and not above the object's top. If a line does not meet the plane in front of the
-// eye, leave the wishes unchanged.
+// Set the places, heights and axes of both wishes. reach: of both tools. The wanted gap between the tips is at least half
+// of the object's width at rest. The tips stay above the table. They come down below the object's top, and rise with it.
+// If a line does not meet the plane in front of the eye, leave the wishes unchanged.
 void kn_pointer_hand_grip_aim(const kn_pointer_hand_grip *grip, const kn_pointer_hand_reach *const reach[2],
                               const kn_mesh *mesh, const float eye_m[3], const float sight[2][3],
                               kn_pointer_hand_wish *const wish[2]);

@@ -200,7 +200,7 @@ function keep(what, bytes) {
 const aspect = () => canvas.width / canvas.height;
 // The camera of what is drawn now; null: the object is not known yet. A picture of knead web has its own shape and view.
 const camera = () => about?.object
-    ? cameraOf(scene?.box() ? frameOf(about.object, scene.box()) : about.object, orbit, aspect()) : null;
+    ? cameraOf(hand.frame ?? (scene?.box() ? frameOf(about.object, scene.box()) : about.object), orbit, aspect()) : null;
 
 // A browser that draws in software draws at most MOVING_PIXELS while something moves. When nothing has moved for
 // STILL_MS, it draws STILL_PIXELS, a few times a second.
@@ -306,9 +306,10 @@ function showTag() {
 // after this time, because a second one may come, ms. TELL_MS: least time between two messages of moves, ms.
 const REPEAT_MS = 50, WHEEL_MM = 0.005, KEY_MM = 0.5, KEY_STEP = 0.015, TOUCH_MS = 80, TELL_MS = 10;
 // u, v: place in the picture at which the tool aims. holder: what holds the press: a pointer's id, 'key', 'grip' (two
-// fingers), or null (no press). lines: lines of sight of the last aim. view: camera with which the press began. share:
-// share of the depth that a pen asks for by its pressure.
-const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5, lines: null, view: null, share: 1 };
+// fingers), or null (no press). lines: lines of sight of the last aim. view: camera with which the press began. frame: box
+// that the camera shows during a press, so that it does not follow what the press moves. share: share of the depth that a
+// pen asks for by its pressure. spent: a grip has ended, but not all fingers have left.
+const hand = { u: 0.5, v: 0.5, holder: null, depth_mm: 5, lines: null, view: null, frame: null, share: 1, spent: false };
 const fingers = new Map(); // places of the fingers on the picture, by id; two at most
 // soon: timer that will send the pointer, 0: none. soonAt: time of the first event that it will send. toldAt: time when
 // the pointer was last sent. pressSoon: timer that will begin the press of a finger, 0: none.
@@ -323,7 +324,7 @@ function sayPointer() {
     if (hand.holder === null) hand.view = null;
     const places = hand.holder === 'grip' ? [...fingers.values()] : [hand];
     if (seen && (hand.view ??= view) === view) hand.lines = places.map(({ u, v }) => sightOf(seen, u, v));
-    const depth_m = Math.min(0.0999, hand.share * depthNow() / 1000);
+    const depth_m = places.length > 1 ? 0 : Math.min(0.0999, hand.share * depthNow() / 1000);
     if (hand.lines?.length === places.length) sendPointer(++knead.events, hand.holder === null ? 0 : 1, depth_m, hand.lines);
 }
 
@@ -361,6 +362,7 @@ function press(holder) {
     if (hand.holder !== null) return;
     hand.holder = holder;
     hand.view = null;
+    hand.frame = scene?.box() && about?.object ? frameOf(about.object, scene.box()) : null;
     tell();
 }
 
@@ -368,7 +370,8 @@ function letGo() {
     clearTimeout(pressSoon);
     pressSoon = 0;
     if (hand.holder === null) return;
-    hand.holder = null;
+    hand.spent = hand.holder === 'grip' && fingers.size > 0;
+    hand.holder = hand.frame = null;
     hand.share = 1;
     tell();
 }
@@ -389,6 +392,7 @@ picture.addEventListener('pointerdown', (event) => {
     if (touch && fingers.size < 2) {
         fingers.set(id, placeOf(event));
         // Two fingers grip the object if the scene has two round tools. Otherwise they turn and zoom the view.
+        if (fingers.size === 2 && hand.spent) return;
         if (fingers.size === 2) return letGo(), about?.second && scene ? press('grip') : beginPinch([...fingers.values()]);
     }
     if (hand.holder !== null || fingers.size > 1) return;
@@ -408,14 +412,15 @@ picture.addEventListener('pointermove', (event) => {
 // the capture when the layout changes under a mouse that is driven by Chromium's debugging protocol.
 window.addEventListener('pointermove', (event) => {
     if (fingers.has(event.pointerId)) fingers.set(event.pointerId, placeOf(event));
+    if (hand.holder === 'grip') return fingers.has(event.pointerId) && tellSoon();
     if (fingers.size === 2) return movePinch([...fingers.values()]);
-    if (hand.holder === 'grip' && fingers.has(event.pointerId)) return tellSoon();
     if (hand.holder !== event.pointerId) return;
     if (event.buttons & 1) aim(event), tellSoon(); // stroke the object at the current depth
     else letGo(); // the left button was released while another was down: the browser sends no pointerup for this
 });
 onRelease(({ pointerId }) => {
     const finger = fingers.delete(pointerId);
+    if (fingers.size === 0) hand.spent = false;
     if (hand.holder === pointerId || (finger && (pressSoon || hand.holder === 'grip'))) letGo();
 });
 picture.addEventListener('wheel', (event) => {

@@ -100,14 +100,12 @@ static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_server_now_ms(
 // that holds decides.
 static const char *status(const kn_web *w, int page, char *words, size_t size)
 {
-    const kn_pointer_hand_news *n = kn_page_tool_news(&w->tool);
+    const kn_page_hand *hand = kn_page_tool_told(&w->tool);
+    const kn_pointer_hand_news *n = &hand->news;
     const bool grips = w->tool.button == KN_BUTTON_GRIPS;
 #define SAY(level, ...) return snprintf(words, size, __VA_ARGS__), level
 #define SAY_FAULT(fault)                                                                                               \
     SAY("fault", "force set to zero: %s. To continue: %s", kn_fault_name(fault), kn_fault_remedy(fault))
-    const char *trouble = kn_picture_trouble(&w->picture);
-    if (trouble && w->gateway.page[page].draws == KN_WEB_PICTURE)
-        SAY("fault", "this browser has no WebGL, and knead web cannot draw: %s", trouble);
     if (w->live.scene_error[0]) SAY("fault", "cannot read the scene that is served: %s", w->live.scene_error);
     if (kn_live_server_now_ms() - w->state.mesh_ms > UNHEARD_MS) SAY("wait", "waiting for kneadd: nothing is served");
     if (!w->live.scene) SAY("wait", "waiting for the scene");
@@ -115,7 +113,8 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     // An emergency stop applies to all tools, even if this page has no tool.
     if (!stale(w->state.status_ms) && w->state.status.mode == KNEAD_STATUS_T_MODE_ESTOP) SAY_FAULT(KN_FAULT_ESTOP);
     if (w->tool.lent) SAY("wait", "recording %d is being played", w->tool.lent);
-    if (!w->tool.hand[0].moving) SAY("fault", "no device: %.300s", w->tool.hand[0].error);
+    for (int i = 0; i < 2; i++)
+        if (w->tool.hand[i].def && !w->tool.hand[i].moving) SAY("fault", "no device: %.300s", w->tool.hand[i].error);
     // The conditions from here on depend on the tool: first faults, then reasons to wait, then contact.
     if (!kn_pointer_hand_reach_fits(&w->tool.hand[0].reach, &w->live.mesh))
         SAY("wait", "waiting for the mesh of this scene");
@@ -125,14 +124,17 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
     if (n->fault || n->mode == KN_POINTER_HAND_LET_GO)
         SAY("fault", "force set to zero: %s. The tool lifts; let go, then press again",
             n->fault ? kn_fault_name((kn_fault)n->fault) : "no force for 20 ms");
+    const char *trouble = kn_picture_trouble(&w->picture);
+    if (trouble && w->gateway.page[page].draws == KN_WEB_PICTURE && w->tool.button == KN_BUTTON_UP)
+        SAY("fault", "no pictures: knead web cannot draw here: %s", trouble);
     if (n->mode == KN_POINTER_HAND_ABSENT && w->tool.button == KN_BUTTON_UP) SAY("ok", "ready: press on the object");
     if (!n->heard && n->mode == KN_POINTER_HAND_FOLLOW)
-        SAY("wait", "no force from kneadd: does another hand hold %s?", w->tool.hand[0].def->name);
+        SAY("wait", "no force from kneadd: does another hand hold %s?", hand->def->name);
     if (!n->released || w->tool.button == KN_BUTTON_BARRED) SAY("wait", "let go, then press again");
     if (!(n->flags & KN_FLAG_ENGAGED))
         SAY("wait", n->contact ? "poses were late: the force fades and returns" : "engaging");
     if (w->tool.button == KN_BUTTON_STEEP)
-        SAY("wait", "to grip, look at a side of the object: turn the view, or press Front");
+        SAY("wait", "to grip, look at a side of the object: press Front, Side or Corner");
     if (w->tool.button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
     if (n->contact) SAY("ok", "in contact");
@@ -463,9 +465,13 @@ static bool fault_of_another(const kn_web *w)
     {
         const char *name = json_string_value(json_object_get(one, "name"));
         const char *fault = json_string_value(json_object_get(one, "fault"));
+        // The second tool is the page's own only while two fingers grip.
         bool own = false;
-        for (int k = 0; k < 2; k++)
-            own = own || (w->tool.hand[k].def && name && strcmp(name, w->tool.hand[k].def->name) == 0);
+        for (int k = 0; k < 2; k++) {
+            const kn_page_hand *h = &w->tool.hand[k];
+            if (k == 1 && h->news.mode == KN_POINTER_HAND_ABSENT) continue;
+            own = own || (h->def && name && strcmp(name, h->def->name) == 0);
+        }
         if (!own && fault && strcmp(fault, kn_fault_name(KN_FAULT_NONE)) != 0) return true;
     }
     return false;

@@ -12,7 +12,6 @@
 // LET_GO_MS, the device's thread lifts the tool.
 #define LET_GO_MS 400
 #define IDLE_MS 2000 // after this time without pointer events another page may take the tool
-#define LOST_MS 100  // a tip of a grip that feels nothing for this time has lost the object
 #define HELD_MS 5000 // after this time without pointer events another program may take the tool
 
 // Compute the next pose of the tool from the newest wanted motion. This function runs every ms in the device's thread.
@@ -31,7 +30,9 @@ static kn_hand_out move(void *self, const kn_hand_force *force, int elapsed_ms)
         sample.work_mj = (float)(1e3 * force->energy_j);
         sample.round_trip_ms = (float)(1e-6 * (double)(kn_now_ns() - force->sent_ns));
     }
-    kn_ring_push(&h->samples, &sample); // if the ring is full, only this sample of the trace is lost
+    // One sample for each millisecond, with those that this thread has missed or rested. If the ring is full, only
+    // samples of the trace are lost.
+    for (int i = 0; i < elapsed_ms && kn_ring_push(&h->samples, &sample); i++) continue;
     return out;
 }
 
@@ -56,11 +57,14 @@ bool kn_page_tool_is_taken(const kn_page_tool *t, int page)
     return t->owner != page && kn_page_tool_idle_ms(t) <= IDLE_MS;
 }
 
-const kn_pointer_hand_news *kn_page_tool_news(const kn_page_tool *t)
+const kn_page_hand *kn_page_tool_told(const kn_page_tool *t)
 {
-    const kn_pointer_hand_news *first = &t->hand[0].news, *second = &t->hand[1].news;
-    const bool fine = !first->fault && (first->mode == KN_POINTER_HAND_FOLLOW || first->mode == KN_POINTER_HAND_ABSENT);
-    return fine && (second->fault || second->mode > KN_POINTER_HAND_FOLLOW) ? second : first;
+    bool fine[2];
+    for (int i = 0; i < 2; i++) {
+        const kn_pointer_hand_news *n = &t->hand[i].news;
+        fine[i] = !n->fault && (n->mode == KN_POINTER_HAND_ABSENT || (n->mode == KN_POINTER_HAND_FOLLOW && n->heard));
+    }
+    return &t->hand[fine[0] && !fine[1]];
 }
 
 // Send the wanted motions of the tools to the devices' threads. If the page has sent no pointer event for HELD_MS, the
@@ -88,7 +92,7 @@ void kn_page_tool_listen(kn_page_tool *t)
             const bool first = h == t->hand;
             if (first && n->event && n->event != h->news.event) t->event[n->event % KN_PAGE_TOOL_EVENTS].tick = n->tick;
             h->news = *n;
-            h->lost_ms = n->contact ? 0 : h->lost_ms + 1;
+            h->lost_ms = n->contact ? 0 : h->lost_ms + (h->lost_ms < KN_PAGE_TOOL_LOST_MS);
             if (first) t->trace[t->traced++ % KN_PAGE_TOOL_TRACE] = *s;
         }
     if (t->button != KN_BUTTON_GRIPS) return;
@@ -96,7 +100,7 @@ void kn_page_tool_listen(kn_page_tool *t)
     for (kn_page_hand *h = t->hand; h < t->hand + 2; h++) {
         const bool now = h->news.press == h->wish.press; // the news are about this grip
         const bool off = h->news.mode > KN_POINTER_HAND_FOLLOW || !h->news.released;
-        if (now && (off || (t->met && h->lost_ms > LOST_MS) || (t->grip.closes && !h->news.presses)))
+        if (now && (off || (t->met && h->lost_ms == KN_PAGE_TOOL_LOST_MS) || (t->grip.closes && !h->news.presses)))
             t->button = KN_BUTTON_BARRED;
     }
 }
@@ -218,6 +222,9 @@ static void grip(kn_page_tool *t, const kn_web_message *m)
     for (int i = 0; i < 2; i++)
         down = down && h[i].news.press == h[i].wish.press && h[i].news.there && h[i].wish.depth_m > 0;
     t->grip.closes = t->grip.closes || down;
+    for (int i = 0; i < 2; i++)
+        if (t->grip.closes && h[i].news.contact && t->grip.lowest_m[i] == 0)
+            t->grip.lowest_m[i] = h[i].wish.touch_z_m - h[i].wish.depth_m;
     kn_pointer_hand_grip_aim(&t->grip, (const kn_pointer_hand_reach *[]){&h[0].reach, &h[1].reach}, mesh, m->eye_m,
                              sight, (kn_pointer_hand_wish *[]){&h[0].wish, &h[1].wish});
 }
@@ -309,9 +316,14 @@ void kn_page_tool_take_back(kn_page_tool *t)
 void kn_page_tool_close(kn_page_tool *t)
 {
     post_wish(t);
-    for (kn_page_hand *h = t->hand; h < t->hand + 2; h++)
-        for (int i = 0; h->moving && i < 50 && h->news.mode != KN_POINTER_HAND_ABSENT; i++)
-            usleep(10000), kn_page_tool_listen(t); // wait while the hand lifts the tool
+    // Wait while the hands lift their tools.
+    for (int i = 0; i < 300; i++) {
+        bool works = false;
+        for (int k = 0; k < 2; k++) works |= t->hand[k].moving && t->hand[k].news.mode != KN_POINTER_HAND_ABSENT;
+        if (!works) break;
+        usleep(10000);
+        kn_page_tool_listen(t);
+    }
     for (kn_page_hand *h = t->hand; h < t->hand + 2; h++) {
         if (h->moving) kn_virtual_device_stop(&h->device);
         kn_pointer_hand_reach_close(&h->reach);

@@ -11,7 +11,7 @@
 //
 //     approach    both tools move beside the object, lie down with their tips towards it, and come down
 //     close       each tip follows its finger; the gap between the tips keeps half of the object's width
-//     open        a finger left, a fault, or one tip lost the object: the tools open, rise, and wait for both fingers
+//     open        a finger left, a fault, or one tip lost the object: the tools open, rise, and wait until both fingers left
 #include "clients/hand/virtual_hand.h"
 #include "clients/hand/live_server.h"
 #include "clients/hand/pointer_hand.h"
@@ -19,11 +19,12 @@
 #include "server/mailbox.h"
 #include "server/ring.h"
 
-#define KN_PAGE_TOOL_TRACE 1024 // number of force samples kept for the pages, one sample per ms
-#define KN_PAGE_TOOL_EVENTS 64  // largest number of pointer events that wait at once for an answer of kneadd
+#define KN_PAGE_TOOL_TRACE 1024  // number of force samples kept for the pages, one sample per ms
+#define KN_PAGE_TOOL_LOST_MS 100 // a tip of a grip that feels nothing for this time has lost the object
+#define KN_PAGE_TOOL_EVENTS 64   // largest number of pointer events that wait at once for an answer of kneadd
 
 // State of the pointer's button. BESIDE: pressed beside the object. BARRED: still pressed, but ignored until it is
-// released. GRIPS: two fingers grip with two tools. STEEP: they would, but the page looks from above.
+// released. GRIPS: two fingers grip with two tools. STEEP: two fingers want to grip, but the view is too steep.
 typedef enum kn_button {
     KN_BUTTON_UP,
     KN_BUTTON_PRESSES,
@@ -58,7 +59,7 @@ typedef struct kn_page_hand { // a hand that moves one tool
     kn_mailbox wishes; // wanted motions of the tool (kn_pointer_hand_wish), from the main thread to the device's thread
     kn_pointer_hand_wish wish_slots[3];
     kn_ring samples; // queue of kn_page_tool_sample from the device's thread to the main thread
-    int lost_ms;     // number of samples in a row without contact
+    int lost_ms;     // number of samples in a row without contact, at most KN_PAGE_TOOL_LOST_MS
 } kn_page_hand;
 
 typedef struct kn_page_tool {
@@ -106,8 +107,9 @@ void kn_page_tool_gone(kn_page_tool *tool, int page); // forgets a page, because
 // Return the time since the last pointer event of the page that has the tool; INT64_MAX if no page has it.
 int64_t kn_page_tool_idle_ms(const kn_page_tool *tool);
 bool kn_page_tool_is_taken(const kn_page_tool *tool, int page); // returns true if another page has the tool and uses it
-// Return the state to tell about the hands: that of the second one in a grip if it alone has a fault.
-const kn_pointer_hand_news *kn_page_tool_news(const kn_page_tool *tool);
+// Return the hand whose state is to be told: the second hand while it moves its tool and only it has a fault or gets no
+// answer from kneadd, else the first hand.
+const kn_page_hand *kn_page_tool_told(const kn_page_tool *tool);
 // Return the newest pointer event after `since` that kneadd had answered by the given tick, or `since` if there is no
 // such event.
 int32_t kn_page_tool_answered(const kn_page_tool *tool, int32_t since, int64_t tick);

@@ -289,6 +289,7 @@ static const char *lend(kn_recordings *t, int number)
     const char *why = !kn_recordings_find(t, number)  ? "There is no such recording."
                       : t->tool->lent || t->child_pid ? "Another recording is being replayed."
                       : !t->tool->hand[0].moving      ? "The pointer moves no tool now."
+                      : t->tool->hand[1].wish.held    ? "Two fingers grip the object."
                                                       : NULL;
     if (why) return why;
     kn_page_tool_lend(t->tool, number);

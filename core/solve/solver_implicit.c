@@ -272,7 +272,7 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
     int wanted = s->effort.iterations;
     if (first && wanted > 1) {
         rz = go_on(m, state, s, rz, output);
-        // count this iteration without asking the deadline, because even the shortest step contains one iteration
+        // count this iteration without asking the deadline, because even the shortest step contains it
         s->deadline.spent += s->deadline.iteration;
         wanted--;
     }

@@ -93,15 +93,16 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_cont
 //
 // Terms: find is the search for contact, a line is one linearisation of the law, i an iteration of the conjugate
 // gradients, a look one evaluation of the contact. The work of each part of an implicit step is counted before the part
-// begins. The shortest step is one line, KN_DEADLINE_LEAST iterations and one look. A step does at least this work, even
-// if the deadline is shorter. An impact may need more lines than fit into the deadline. Then the units are shared among as
-// many lines as fit with a few iterations each. All lines but the last are solved only to a fifth of their initial
-// residual. If a plate strikes fast, the step starts from a guessed velocity field (kn_impact_guess). The unsolved part
-// stays in the residual from which the next step starts. The model fixes the stages of Runge-Kutta and the passes of
-// the integer solver, so these solvers have no deadline.
+// begins. The shortest step is one line, KN_DEADLINE_LEAST iterations and one look. A step does at least this work,
+// even if the deadline is shorter. An impact may need more lines than fit into the deadline. Then the units are shared
+// among as many lines as fit with a few iterations each. All lines but the last are solved only to a fifth of their
+// initial residual. If a plate strikes fast, the step starts from a guessed velocity field (kn_impact_guess). The
+// unsolved part stays in the residual from which the next step starts. The model fixes the stages of Runge-Kutta and
+// the passes of the integer solver, so these solvers have no deadline.
 
-// Least number of iterations of a line that no later line corrects. The first one goes along the last step's change of
-// velocity. Alone, it never solves anything else: an object that two tools had lifted gained energy without limit.
+// Least number of iterations of a line that no later line corrects. The first iteration of a step searches only along
+// the last step's change of velocity. Without a second one, all other errors stay: a lifted object gained energy
+// without limit.
 #define KN_DEADLINE_LEAST 2
 
 typedef struct kn_deadline {
@@ -118,7 +119,8 @@ typedef struct kn_deadline {
 void kn_deadline_begin(kn_deadline *deadline, const kn_model *model, const kn_contact *contact, int64_t most);
 
 // Begin a linearisation (line): count its work and the work of its look at the contact. Return false, and count
-// nothing, if the linearisation and its least iterations would exceed the deadline. The first linearisation always begins.
+// nothing, if the linearisation and its least iterations would exceed the deadline. The first linearisation always
+// begins.
 bool kn_deadline_line(kn_deadline *deadline, bool first);
 
 // Return the units of work of kn_impact_guess in a step in which a plate strikes fast. Return 0 if no guess is needed,
@@ -134,7 +136,7 @@ void kn_deadline_share(kn_deadline *deadline, int lines, int iterations);
 // return false.
 bool kn_deadline_spend(kn_deadline *deadline, int64_t units);
 
-// Count an iteration of a linearisation and return true. `done`: number of its iterations so far. Return false if it has
+// Count an iteration and return true. `done`: number of iterations of this linearisation so far. Return false if it has
 // done the least number and no units are left for another one.
 bool kn_deadline_iterate(kn_deadline *deadline, int done);
 

@@ -243,7 +243,7 @@ def without_opengl(server):  # it is opened for the first page that wants pictur
     dark = opened("dark.log")
     drawer, watcher = Wire(dark), Wire(dark, draws="picture")
     check("without OpenGL a page that draws is served", until(lambda: drawer.state()[1] > 0))
-    check("and a page that wants pictures gets the reason", until(lambda: "KNEAD_GL=none" in watcher.state()[0]["status"]))
+    check("and a page that wants pictures gets the reason", until(lambda: "KNEAD_GL=none" in (watcher.state()[0] or {"status": "closed"})["status"]))
     drawer.close(), watcher.close()
     web.terminate()
     check("and knead web ends with 0", web.wait(10) == 0, web.returncode)
@@ -414,6 +414,61 @@ def shapes(server, bus):
         return size == 24 + 6 * count and off[-1] < 1e-4
     check("the shape on the page's socket is the mesh on the bus", until(alike), off[-3:])
     wire.close()
+
+
+def grips(server, bus):
+    """Two fingers, as a page sends them: refused without a second tool; ended by silence, by a finger that stays, by the end
+    of the connection. Whatever ends a grip, both tools leave the object."""
+    wire = Wire(server)
+
+    def grip(x, z=0.015):
+        wire.number += 1
+        wire.send(BINARY, message(GRIP, wire.number, 1, depth_m=0, eye=(0, -0.3, z), sight=(-x, 0.3, 0)) +
+                  struct.pack("<3f", x, 0.3, 0))
+        return wire.state()[0]
+    until(lambda: wire.status_at(x=0.0).startswith("ready"))
+    check("a grip in a scene without a second tool moves nothing", until(lambda: "let go" in grip(0.03)["status"], 3))
+    server.kneadd.terminate()
+    server.kneadd.wait(10)
+    server.serve("pinch.yaml")
+
+    def squeezed(now):
+        tools = [tool for tool in now.get("tools") or [] if tool]
+        return len(tools) == 2 and all(abs(tool["force"][0]) > 0.1 for tool in tools)
+
+    def held():  # both tools in contact; only a machine that stands still may spoil it
+        for _ in range(4):
+            until(lambda: wire.status_at(x=0.0).startswith("ready"), 15)
+            missed = bus.missed
+            until(lambda: "together" in grip(0.03)["status"], 10)
+            if until(lambda: squeezed(grip(0.017)), 4):
+                return True
+            if bus.missed == missed:
+                return False
+    away = lambda: [tool["force"] for tool in wire.state()[0].get("tools") or [] if tool and any(tool["force"])] == []
+    check("two tools grip", held(), wire.state()[0])
+    check("a finger that stays must leave, too",
+          until(lambda: "let go" in wire.status_at(pressed=1)) and until(away), wire.state()[0]["status"])
+    check("two tools grip again", held(), wire.state()[0])
+    time.sleep(0.6)
+    check("a page that is silent in a grip holds nothing", until(away, 5), wire.state()[0])
+    check("two tools grip a third time", held(), wire.state()[0])
+    wire.close()
+    wire = Wire(server)
+    check("nor does a page that is gone", until(away, 5), wire.state()[0])
+    index = lambda: (wire.state()[0].get("tools") or [None, "not told"])[1]
+    until(lambda: index() is None)
+    probe = subprocess.Popen(["knead", "probe", "--probe", "index", "--path", "sine", "--hold", "60", "--quiet"],
+                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    until(lambda: index() is not None)
+    until(lambda: grip(0.03)["status"].startswith("no force from kneadd: does another hand hold index"), 10)
+    check("a second tool that another program holds is told", "hold index" in grip(0.03)["status"], grip(0.03)["status"])
+    probe.terminate()
+    probe.wait(10)
+    wire.close()
+    server.kneadd.terminate()
+    server.kneadd.wait(10)
+    server.serve("dough-small.yaml")
 
 
 def slow(server, bus):
@@ -666,6 +721,8 @@ def main():
     dead_man(server, bus)
     turned(server, bus)
     another_scene(server, bus)
+    if night:
+        grips(server, bus)
     if seconds:
         memory(server, seconds)
     server.stop()
