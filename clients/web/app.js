@@ -393,7 +393,7 @@ picture.addEventListener('pointerdown', (event) => {
         fingers.set(id, placeOf(event));
         // Two fingers grip the object if the scene has two round tools. Otherwise they turn and zoom the view.
         if (fingers.size === 2 && hand.spent) return;
-        if (fingers.size === 2) return letGo(), about?.second && scene ? press('grip') : beginPinch([...fingers.values()]);
+        if (fingers.size === 2) return letGo(), about?.second ? press('grip') : beginPinch([...fingers.values()]);
     }
     if (hand.holder !== null || fingers.size > 1) return;
     if (event.button === 1 || event.button === 2 || (event.button === 0 && event.shiftKey)) return beginOrbit(event);

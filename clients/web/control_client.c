@@ -236,27 +236,21 @@ void kn_control_client_order(kn_control_client *c, int page, const kn_page_reque
 static void tell_done(kn_control_client *c, const kn_control_call *call, const json_t *answer)
 {
     const long long generation = json_integer_value(json_object_get(answer, "generation"));
-    const json_t *after = json_object_get(answer, "stored_after_j"),
-                 *before = json_object_get(answer, "stored_before_j");
 #define DONE(...) kn_gateway_answer(c->gateway, call->page, call->id, true, __VA_ARGS__)
     switch (call->verb) {
-    case KN_VERB_RESET: DONE("The object is as new."); break;
-    case KN_VERB_UNDO: DONE("Undone: the object is as before the last press, reset or restore."); break;
+    case KN_VERB_RESET: DONE("Object reset."); break;
+    case KN_VERB_UNDO: DONE("Last press, reset or restore undone."); break;
     case KN_VERB_SNAPSHOT:
         c->snapshot = generation;
         of_what(c, c->snapshot_of);
-        DONE("Snapshot %lld is on disk.", generation);
+        DONE("Snapshot %lld saved.", generation);
         break;
-    case KN_VERB_RESTORE: DONE("The object is as in snapshot %lld.", generation); break;
-    case KN_VERB_ESTOP: DONE("Stopped: every force is zero until Recover."); break;
-    case KN_VERB_RECOVER: DONE("Recovered: the tool engages once it is clear of the object."); break;
-    case KN_VERB_SCENE: DONE("Loading."); break;
-    case KN_VERB_QUALITY: DONE("Quality set."); break;
-    default:
-        if (after)
-            DONE("Set: the object stores %.3g mJ now; it stored %.3g mJ before.", 1e3 * json_number_value(after),
-                 1e3 * json_number_value(before));
-        else DONE("Done.");
+    case KN_VERB_RESTORE: DONE("Snapshot %lld restored.", generation); break;
+    case KN_VERB_ESTOP: DONE("Stopped. All forces are zero until you press Recover."); break;
+    case KN_VERB_RECOVER: DONE("Recovered. The tool acts again once it has been lifted off the object."); break;
+    case KN_VERB_SCENE: DONE("Loading the scene."); break;
+    case KN_VERB_QUALITY: DONE("Quality changed."); break;
+    default: DONE("Changed."); break;
     }
 #undef DONE
 }

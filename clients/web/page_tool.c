@@ -121,6 +121,8 @@ static void let_go(kn_page_tool *t, kn_page_hand *h)
 {
     if (h->moving) kn_virtual_device_stop(&h->device);
     h->moving = false;
+    kn_page_tool_listen(t); // the last samples of this hand
+    h->news = (kn_pointer_hand_news){.event = h->news.event, .released = true};
     if (t->button != KN_BUTTON_UP) t->button = KN_BUTTON_BARRED;
     // Reset the wanted motion, because it was made for the old object. hover_z_m = 0 means that there is no tool. Keep
     // the numbers of the last event and of the last press.

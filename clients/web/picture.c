@@ -186,7 +186,7 @@ void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
 {
     kn_web_page *of = &p->gateway->page[page];
     bool ok = true;
-    const char *words = "The view has changed.";
+    const char *words = "View changed.";
     switch (r->verb) {
     case KN_VERB_DRAW:
         ok = take_way(p, of, r->name);
@@ -198,8 +198,7 @@ void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
         break;
     case KN_VERB_MEASURE:
         ok = take_measure(p, of, r->name);
-        words =
-            ok ? "The colours have changed." : "The meshes do not contain this measure: see the scene's mesh.measures.";
+        words = ok ? "Colours changed." : "kneadd does not publish this measure: add it to mesh.measures of the scene.";
         break;
     default:
         p->look.azimuth_deg = r->azimuth_deg;

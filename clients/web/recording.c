@@ -67,7 +67,7 @@ static bool hear_scene(kn_recordings *t, kn_recording *one, kn_session_record *r
     while (!kn_session_record_scene(r, HEED_MS) && !atomic_load(&t->end) && kn_now_ns() < end_ns)
         ;
     if (kn_session_record_scene(r, 0)) return !atomic_load(&t->end);
-    snprintf(one->words, sizeof one->words, "No scene was heard for %d s.", SCENE_MS / 1000);
+    snprintf(one->words, sizeof one->words, "kneadd sent no scene for %d s.", SCENE_MS / 1000);
     return false;
 }
 
@@ -139,7 +139,7 @@ static const char *begin(kn_recordings *t)
     if (!t->tool->hand[0].def || t->tool->lent) return "The pointer moves no tool now.";
     tidy(t);
     if (kn_recordings_running(t)) return "Another recording is running.";
-    if (!*t->folder) return "There is no folder for recordings.";
+    if (!*t->folder) return "There is no folder for recordings: see the messages of knead web.";
     if (t->child_pid && t->child_of == one->number) return "The oldest recording is in use.";
     // The thread of the last recording has ended, so this join does not wait.
     if (t->now) pthread_join(t->thread, NULL);
@@ -199,7 +199,7 @@ static void on_child(struct ev_loop *ev, ev_child *w, int events)
     kn_recording *one = kn_recordings_find(t, t->child_of);
     const bool stopped = t->child_stopped;
     const bool ok = !stopped && WIFEXITED(w->rstatus) && WEXITSTATUS(w->rstatus) == 0;
-    char words[200] = "The process ended without a message.";
+    char words[200] = "The program ended without a message.";
     ev_child_stop(ev, w);
     t->child_pid = 0;
     last_line(t, words, sizeof words);
@@ -319,11 +319,10 @@ void kn_recordings_request(kn_recordings *t, int page, const kn_page_request *r)
     switch (r->verb) {
     case KN_VERB_RECORD:
         why = begin(t);
-        kn_gateway_answer(t->gateway, page, r->id, !why, "%s",
-                          why ? why : "The recording begins with the next scene message, within a second.");
+        kn_gateway_answer(t->gateway, page, r->id, !why, "%s", why ? why : "The recording begins within a second.");
         return;
     case KN_VERB_STOP:
-        why = stop(t, number) ? NULL : "That recording is neither running nor replayed.";
+        why = stop(t, number) ? NULL : "This recording is not running.";
         kn_gateway_answer(t->gateway, page, r->id, !why, "%s", why ? why : "Stopped.");
         return;
     default: // the answer comes when the child process ends

@@ -5,4 +5,4 @@ for program in chromium chromedriver; do
     [ -x /usr/bin/$program ] || { echo "skipped: no $program here (packages chromium, chromium-driver)"; exit 77; }
 done
 /usr/bin/python3 -c 'import selenium' 2>/dev/null || { echo "skipped: no selenium here (package python3-selenium)"; exit 77; }
-exec /usr/bin/python3 "$KN_SOURCE/tests/e2e/web_page.py"
+exec /usr/bin/python3 "$KN_SOURCE/tests/e2e/web_page.py" "$@"

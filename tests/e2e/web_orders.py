@@ -103,10 +103,10 @@ def downloads(page, server):
 
 
 def orders(page, server):
-    asked = (("set", {"name": "k1", "value": 9000}, True, "before."), ("reset", {}, True, "as new"), ("undo", {}, True, "Undone"),
-             ("snapshot", {}, True, "on disk"), ("restore", {}, True, "as in snapshot"), ("estop", {}, True, "Stopped"),
-             ("recover", {}, True, "Recovered"), ("quality", {"name": "own"}, True, "Quality set"),
-             ("measure", {"name": "none"}, True, "colours have changed"), ("measure", {"name": "nosuch"}, False, "mesh.measures"))
+    asked = (("set", {"name": "k1", "value": 9000}, True, "Changed"), ("reset", {}, True, "reset"), ("undo", {}, True, "undone"),
+             ("snapshot", {}, True, "saved"), ("restore", {}, True, "restored"), ("estop", {}, True, "Stopped"),
+             ("recover", {}, True, "Recovered"), ("quality", {"name": "own"}, True, "Quality changed"),
+             ("measure", {"name": "none"}, True, "Colours changed"), ("measure", {"name": "nosuch"}, False, "mesh.measures"))
     for id, (do, fields, good, words) in enumerate(asked, 70):
         page.send_request(id, do, **fields)
         told = page.waits(id)
