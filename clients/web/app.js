@@ -163,6 +163,7 @@ function openDrawing(allowed = query.get('draw') !== 'picture') {
         again(1000);
     });
     picture.classList.toggle('pictures', !scene);
+    showStyle(about);
     $('tag').hidden = true;
     // Pictures have the view of knead web, and the page goes back to its own view afterwards.
     if (before && !scene) ownView = { ...orbit };

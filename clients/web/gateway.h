@@ -35,7 +35,7 @@
 //     reset undo snapshot restore estop recover     none
 //     record                                        none
 //     draw                                          name: mesh (the page draws the object) or picture (knead web does)
-//     quality material scene style measure          name: 1..63 characters a-z A-Z 0-9 . _ -, a name sent to the page
+//     quality material scene measure                name: 1..63 characters a-z A-Z 0-9 . _ -, a name sent to the page
 //     set                                           name; value: a finite number
 //     view                                          azimuth and elevation, degrees; zoom: 1..KN_PAGE_REQUEST_ZOOM
 //     verify play stop                              value: the number of a recording, 1..999999
@@ -57,7 +57,6 @@ typedef enum kn_page_verb {
     KN_VERB_MATERIAL,
     KN_VERB_SCENE,
     KN_VERB_DRAW,
-    KN_VERB_STYLE,
     KN_VERB_MEASURE,
     KN_VERB_SET,
     KN_VERB_VIEW,

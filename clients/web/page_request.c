@@ -11,15 +11,12 @@ static const struct {
     const char *word;
     int fields;
 } verbs[KN_VERBS] = {
-    [KN_VERB_RESET] = {"reset", 0},        [KN_VERB_UNDO] = {"undo", 0},
-    [KN_VERB_SNAPSHOT] = {"snapshot", 0},  [KN_VERB_RESTORE] = {"restore", 0},
-    [KN_VERB_ESTOP] = {"estop", 0},        [KN_VERB_RECOVER] = {"recover", 0},
-    [KN_VERB_RECORD] = {"record", 0},      [KN_VERB_DRAW] = {"draw", NAME},
-    [KN_VERB_QUALITY] = {"quality", NAME}, [KN_VERB_MATERIAL] = {"material", NAME},
-    [KN_VERB_SCENE] = {"scene", NAME},     [KN_VERB_STYLE] = {"style", NAME},
-    [KN_VERB_MEASURE] = {"measure", NAME}, [KN_VERB_SET] = {"set", NAME | VALUE},
-    [KN_VERB_VIEW] = {"view", VIEW},       [KN_VERB_VERIFY] = {"verify", NUMBER},
-    [KN_VERB_PLAY] = {"play", NUMBER},     [KN_VERB_STOP] = {"stop", NUMBER},
+    [KN_VERB_RESET] = {"reset", 0},          [KN_VERB_UNDO] = {"undo", 0},      [KN_VERB_SNAPSHOT] = {"snapshot", 0},
+    [KN_VERB_RESTORE] = {"restore", 0},      [KN_VERB_ESTOP] = {"estop", 0},    [KN_VERB_RECOVER] = {"recover", 0},
+    [KN_VERB_RECORD] = {"record", 0},        [KN_VERB_DRAW] = {"draw", NAME},   [KN_VERB_QUALITY] = {"quality", NAME},
+    [KN_VERB_MATERIAL] = {"material", NAME}, [KN_VERB_SCENE] = {"scene", NAME}, [KN_VERB_MEASURE] = {"measure", NAME},
+    [KN_VERB_SET] = {"set", NAME | VALUE},   [KN_VERB_VIEW] = {"view", VIEW},   [KN_VERB_VERIFY] = {"verify", NUMBER},
+    [KN_VERB_PLAY] = {"play", NUMBER},       [KN_VERB_STOP] = {"stop", NUMBER},
 };
 
 const char *kn_page_verb_word(kn_page_verb verb) { return verbs[verb].word; }

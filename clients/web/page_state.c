@@ -531,11 +531,9 @@ static json_t *measures(const kn_web *w)
 
 static json_t *view(const kn_web *w)
 {
-    static const char *const styles[] = {"lined", "solid", "wire"};
-    return json_pack("{s:f, s:f, s:f, s:s, s:s, s:o}", "azimuth", w->picture.look.azimuth_deg, "elevation",
+    return json_pack("{s:f, s:f, s:f, s:s, s:o}", "azimuth", w->picture.look.azimuth_deg, "elevation",
                      w->picture.look.elevation_deg, "zoom", w->picture.look.zoom > 0 ? w->picture.look.zoom : 1,
-                     "style", styles[w->picture.look.style], "measure",
-                     w->picture.measure < 0 ? "none" : kn_measure_names[w->picture.measure].name, "measures",
+                     "measure", w->picture.measure < 0 ? "none" : kn_measure_names[w->picture.measure].name, "measures",
                      measures(w));
 }
 

@@ -151,10 +151,10 @@ function fill(id, names, chosen, words = (name) => name) {
     if (document.activeElement !== select || !names.includes(select.value)) select.value = chosen;
 }
 
-for (const what of ['quality', 'scene', 'material', 'style', 'measure'])
+$('style').addEventListener('change', () => redraw());
+for (const what of ['quality', 'scene', 'material', 'measure'])
     $(what).addEventListener('change', ({ target }) => {
-        const silent = ['style', 'measure'].includes(what); // their effect is visible in the picture
-        if (what === 'style' && scene) return redraw();
+        const silent = what === 'measure'; // its effect is visible in the picture
         if (target.value !== '…') order(what, { name: target.value }, silent);
         // Do not leave the chosen material selected, because the sliders may change the material afterwards.
         if (what === 'material') target.value = '…';
@@ -337,21 +337,25 @@ function showTouch(touch) {
 
 // Enable or disable the controls. why: reason why kneadd accepts no orders now; null: kneadd accepts orders. there:
 // true if knead web is connected; knead web itself answers the requests that kneadd does not answer.
+// Pictures of knead web have one style.
+function showStyle(there) {
+    $('style').disabled = !there || !scene;
+    $('style').title = scene ? '' : 'Only where the browser draws by WebGL.';
+}
+
 function showAble(why, there) {
     for (const select of ['material', 'scene', 'quality']) $(select).disabled = Boolean(why);
     for (const one of sliders.values()) {
         one.input.disabled = Boolean(why) || one.fixed;
         if (!there) one.dragged = false;
     }
-    const own = '#view button, #view select, #style, #record, #recordings button, [id^=save]';
+    showStyle(there);
+    const own = '#view button, #view select, #record, #recordings button, [id^=save]';
     for (const element of document.querySelectorAll(own)) element.disabled = !there;
 }
 
 // Take over the view of the pictures of knead web.
-function takeView({ azimuth, elevation, zoom, style }) {
-    Object.assign(orbit, { azimuth, elevation, zoom, pan: [0, 0] });
-    $('style').value = style;
-}
+function takeView({ azimuth, elevation, zoom }) { Object.assign(orbit, { azimuth, elevation, zoom, pan: [0, 0] }); }
 
 // Show the facts that have been received; null: knead web has disconnected.
 function showAbout(told) {

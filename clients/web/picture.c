@@ -119,7 +119,6 @@ void kn_picture_paint(kn_picture *p)
     view->azimuth_deg = p->look.azimuth_deg;
     view->elevation_deg = p->look.elevation_deg;
     view->zoom = p->look.zoom;
-    view->style = p->look.style;
     color(p);
     // Compensate for a late picture by at most one period.
     p->due_ms = fmax(p->due_ms, (double)now_ms - PERIOD_MS) + PERIOD_MS;
@@ -146,15 +145,6 @@ static void on_painted(struct ev_loop *ev, ev_async *a, int events)
 }
 
 // ---- requests
-
-// Set the style of the picture. Return false if the name is not known.
-static bool take_style(kn_picture *p, const char *name)
-{
-    static const char *const names[] = {"lined", "solid", "wire"};
-    for (int i = 0; i < 3; i++)
-        if (strcmp(names[i], name) == 0) return p->look.style = (kn_view_style)i, true;
-    return false;
-}
 
 // Colour the object by a measure, if the mesh messages contain the measure. Otherwise return false.
 static bool take_measure(kn_picture *p, kn_web_page *page, const char *name)
@@ -191,10 +181,6 @@ void kn_picture_request(kn_picture *p, int page, const kn_page_request *r)
     case KN_VERB_DRAW:
         ok = take_way(p, of, r->name);
         words = ok ? "Drawing." : "expected mesh or picture";
-        break;
-    case KN_VERB_STYLE:
-        ok = take_style(p, r->name);
-        if (!ok) words = "expected lined, solid or wire";
         break;
     case KN_VERB_MEASURE:
         ok = take_measure(p, of, r->name);

@@ -24,7 +24,7 @@ typedef struct kn_picture {
     size_t jpeg_size;
     uint32_t count;     // number of finished pictures
     int32_t shown;      // number of the newest pointer event in the last finished picture
-    kn_view_scene look; // view and style of the next picture
+    kn_view_scene look; // view of the next picture
     int measure;        // measure that colours the object, -1: none
     double top;         // value at the top of the colour scale, in the unit of the measure
     int64_t mesh_id;    // id of the mesh in `still`; the caller sets 0 when the scene has changed
@@ -54,7 +54,7 @@ const char *kn_picture_trouble(const kn_picture *picture);
 // Return true if the mesh messages contain this measure.
 bool kn_picture_measured(const kn_live_server *live, int measure);
 void kn_picture_paint(kn_picture *picture); // draws the next picture if one is due
-// Handle a request of a page: DRAW, VIEW, STYLE or MEASURE. A measure is the page's own if the page draws the object.
+// Handle a request of a page: DRAW, VIEW or MEASURE. A measure is the page's own if the page draws the object.
 void kn_picture_request(kn_picture *picture, int page, const kn_page_request *request);
 void kn_picture_close(kn_picture *picture);
 

@@ -142,7 +142,6 @@ static void on_request(void *self, int page, const kn_page_request *r)
     switch (r->verb) {
     case KN_VERB_DRAW:
     case KN_VERB_VIEW:
-    case KN_VERB_STYLE:
     case KN_VERB_MEASURE: kn_picture_request(&w->picture, page, r); break;
     case KN_VERB_RECORD:
     case KN_VERB_STOP:

@@ -135,11 +135,11 @@ def own_answers(page, server):
         deaf.send_request(100 + i, "view", azimuth=28, elevation=27, zoom=1)
     time.sleep(0.3)
     for i in range(8):
-        page.send_request(40 + i, "style", name="lined")
+        page.send_request(40 + i, "draw", name="mesh")
         check(f"request {i + 1} is answered beside a page that does not read", page.waits(40 + i, 5), page.answers[-3:])
     deaf.waits(100)
     check("a page that does not read loses only its own answers", 0 < len(deaf.answers) <= 40, len(deaf.answers))
-    deaf.send_request(200, "style", name="lined")
+    deaf.send_request(200, "draw", name="mesh")
     check("the page is answered again once it reads", deaf.waits(200, 5), deaf.answers[-3:])
     deaf.close()
 

@@ -610,7 +610,7 @@ def without_web(page, server):
           until(lambda: "token" in page.text("words")), page.text("words"))
     page.driver.get(opened("web.log")[0])
     check("the new address opens the page", until(lambda: "waiting for kneadd" in page.text("words")), page.text("words"))
-    enabled = lambda: not page.run("return document.getElementById('style').disabled")
+    enabled = lambda: not page.run("return document.getElementById('closer').disabled")
     check("the page's own controls are enabled again", until(enabled))
     subprocess.run(["ip", "addr", "add", "192.0.2.5/32", "dev", "lo"], check=True)
     server.start("lan", ["knead", "web", "--address", "192.0.2.5"], "https://")

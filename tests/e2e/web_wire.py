@@ -227,7 +227,7 @@ def another_address(server):
     check("a request without encryption gets no answer", got == b"", got)
     wire, answers = Wire(other), set()
     for i in range(40):
-        wire.send(TEXT, json.dumps({"id": i + 1, "do": "style", "name": "solid"}).encode())
+        wire.send(TEXT, json.dumps({"id": i + 1, "do": "draw", "name": "mesh"}).encode())
     while len(answers) < 16 and (now := wire.state()[0]):
         answers.update(a["id"] for a in now["answers"])
     check("beside 39 connections without a handshake at least 16 simultaneous requests are answered", len(answers) >= 16, answers)
