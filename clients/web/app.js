@@ -155,8 +155,11 @@ function openDrawing(allowed = query.get('draw') !== 'picture') {
     const mine = canvas;
     mine.addEventListener('webglcontextlost', () => {
         if (mine !== canvas) return;
-        openDrawing(false); // pictures at once, and WebGL again as soon as the browser gives it
+        // Show pictures at once, and WebGL again as soon as the browser gives it, but not in a press: to compile the shaders
+        // may hold up the page for so long that the tool lifts.
+        openDrawing(false);
         const again = (wait) => setTimeout(() => {
+            if (hand.holder !== null) return again(wait);
             openDrawing();
             if (!scene && wait < 60000) again(2 * wait);
         }, wait);
@@ -228,7 +231,8 @@ function redraw(full = false) {
 function drawPicture(bitmap, jpeg) {
     if (scene) return; // it was on its way when WebGL came back
     fit(canvas, bitmap.width, bitmap.height);
-    canvas.getContext('2d', { alpha: false }).drawImage(bitmap, 0, 0);
+    // A canvas in memory does not wait for the GPU.
+    canvas.getContext('2d', { alpha: false, willReadFrequently: true }).drawImage(bitmap, 0, 0);
     keep({ tick: knead.now?.tick ?? 0, jpeg }, jpeg.size);
 }
 
