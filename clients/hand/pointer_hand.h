@@ -19,8 +19,8 @@ typedef struct kn_pointer_hand_wish { // what the user wants the tool to do; all
     bool held;     // true: somebody uses the tool. false: the hand lifts the tool and ends its session
     bool pressed;  // true: the button of the mouse is down, or the finger touches the screen
     int32_t press; // number of the press; a new number while pressed means that the button was released in between
-    // Wanted x and y of the tool. If they change during a press that has reached the object, or while the tool lies, the
-    // tool moves sideways through the object.
+    // Wanted x and y of the tool. If they change during a press that has reached the object, or while the tool lies,
+    // the tool moves sideways through the object.
     double at_m[2];
     double hover_z_m; // z of the hovering tool, where the tool does not touch the object
     // Height z at which the tool touches the object if it comes down at the place at_m. The height is computed when a
@@ -138,9 +138,9 @@ typedef struct kn_pointer_hand_grip {
 // Begin a grip of an object. sight: directions of the two lines of sight. Return false if they are too steep to see a
 // side of the object.
 bool kn_pointer_hand_grip_begin(kn_pointer_hand_grip *grip, const kn_mesh *mesh, const float sight[2][3]);
-// Set the places, heights and axes of both wishes. reach: of both tools. The wanted gap between the tips is at least half
-// of the object's width at rest. The tips stay above the table. They come down below the object's top, and rise with it.
-// If a line does not meet the plane in front of the eye, leave the wishes unchanged.
+// Set the places, heights and axes of both wishes. reach: of both tools. The wanted gap between the tips is at least
+// half of the object's width at rest. The tips stay above the table. They come down below the object's top, and rise
+// with it. If a line does not meet the plane in front of the eye, leave the wishes unchanged.
 void kn_pointer_hand_grip_aim(const kn_pointer_hand_grip *grip, const kn_pointer_hand_reach *const reach[2],
                               const kn_mesh *mesh, const float eye_m[3], const float sight[2][3],
                               kn_pointer_hand_wish *const wish[2]);

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_VIEWER_SHADING_H
 #define KN_CLIENTS_VIEWER_SHADING_H
-// What the renderer draws: the shaded surface of an object, triangles and programs in OpenGL's memory (shading.c), and
-// the solids of probes (drawn_probe.c).
+// The things that the renderer draws: the shaded surface of an object, triangles and programs in OpenGL's memory
+// (shading.c), and the solids of probes (drawn_probe.c).
 #include "clients/viewer/camera.h"
 #include "clients/viewer/offscreen.h"
 #include "core/field.h"

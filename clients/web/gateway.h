@@ -121,8 +121,8 @@ typedef struct kn_web_answer {
     char words[200];
 } kn_web_answer;
 
-// How a page gets the object. NOTHING: the page has not said yet how it draws. MESH: the page draws the object
-// itself. PICTURE: the page shows pictures that knead web draws.
+// The way in which a page gets the object. NOTHING: the page has not said yet how it draws. MESH: the page draws the
+// object itself. PICTURE: the page shows pictures that knead web draws.
 typedef enum kn_web_draws { KN_WEB_NOTHING, KN_WEB_MESH, KN_WEB_PICTURE } kn_web_draws;
 
 typedef struct kn_web_page { // browser page that has shown the token

@@ -159,7 +159,8 @@ size_t kn_page_mesh_write_shape(kn_page_mesh *m, int measure, uint8_t *bytes)
     return sizeof(float[2][3]) + 6 * vertices + (colored ? vertices : 0);
 }
 
-// Describe a tool as unit solids, placed in the tool's own frame. kind: 1 box, 2 rod, 3 ball, 0 the triangles of a mesh.
+// Describe a tool as unit solids, placed in the tool's own frame. kind: 1 box, 2 rod, 3 ball, 0 the triangles of a
+// mesh.
 static json_t *describe_tool(const kn_drawn_shapes *shapes, const kn_probe_def *def)
 {
     const kn_view_probe probe = {.def = *def, .orientation_wxyz = {1}};

@@ -29,7 +29,8 @@ bool kn_page_mesh_take(kn_page_mesh *mesh);
 void kn_page_mesh_forget(kn_page_mesh *mesh); // compare the next mesh with the scene, because another scene has come
 
 // Write the surface or the present shape to `bytes`, and return its size. `bytes` may be NULL, to get the size only. If
-// there is no surface, the size is 0. largest: size of both together with any measure. measure: measure that colours the vertices, -1: none.
+// there is no surface, the size is 0. largest: size of both together with any measure. measure: measure that colours
+// the vertices, -1: none.
 size_t kn_page_mesh_largest(const kn_page_mesh *mesh);
 size_t kn_page_mesh_write_surface(const kn_page_mesh *mesh, uint8_t *bytes);
 size_t kn_page_mesh_write_shape(kn_page_mesh *mesh, int measure, uint8_t *bytes);

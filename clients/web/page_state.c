@@ -243,8 +243,8 @@ static void put_numbers(json *t, const char *format, const double *x, int count)
     put(t, "]");
 }
 
-// Write the poses and forces of all tools of the scene, in its order; null: nobody holds the tool. A page that draws the
-// object itself draws the tools, too.
+// Write the poses and forces of all tools of the scene, in its order; null: nobody holds the tool. A page that draws
+// the object itself draws the tools, too.
 static void put_tools(const kn_web *w, json *t)
 {
     const kn_model_def *def = &w->live.scene->model;
@@ -295,8 +295,8 @@ static blocks choose_blocks(kn_web *w, const kn_web_page *p, size_t room)
 static void put_blocks(kn_web *w, kn_web_page *p, int page, blocks b, json *t)
 {
     const bool pictures = p->draws == KN_WEB_PICTURE;
-    // `event` is the number of the newest pointer event whose effect the mesh or the picture shows. If another page sent
-    // the event, write 0.
+    // `event` is the number of the newest pointer event whose effect the mesh or the picture shows. If another page
+    // sent the event, write 0.
     if (b.shape) p->shown = kn_page_tool_answered(&w->tool, p->shown, w->live.mesh.tick);
     put(t, ",\"event\":%u,\"blocks\":[%zu,%zu,%zu]",
         kn_page_tool_event(&w->tool, pictures ? w->picture.shown : p->shown, page), b.surface, b.shape, b.picture);

@@ -11,7 +11,8 @@
 //
 //     approach    both tools move beside the object, lie down with their tips towards it, and come down
 //     close       each tip follows its finger; the gap between the tips keeps half of the object's width
-//     open        a finger left, a fault, or one tip lost the object: the tools open, rise, and wait until both fingers left
+//     open        a finger left, a fault, or one tip lost the object: the tools open, rise, and wait for both fingers to
+//                 leave
 #include "clients/hand/virtual_hand.h"
 #include "clients/hand/live_server.h"
 #include "clients/hand/pointer_hand.h"

@@ -158,7 +158,8 @@ static bool take_measure(kn_picture *p, kn_web_page *page, const char *name)
     return is;
 }
 
-// Let a page draw the object itself, or get pictures. The drawing thread starts with the first page that wants pictures.
+// Let a page draw the object itself, or get pictures. The drawing thread starts with the first page that wants
+// pictures.
 static bool take_way(kn_picture *p, kn_web_page *page, const char *name)
 {
     const bool mesh = strcmp(name, "mesh") == 0;

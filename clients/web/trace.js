@@ -82,7 +82,7 @@ function drawTrace() {
         ctx.lineTo(right, Math.round(y(value)) + 0.5);
     }
     ctx.stroke();
-    for (let s = -10; s <= 0; s += right - left < 260 ? 5 : 2) {
+    for (let s = -10; s <= 0; s += right - left < 340 ? 5 : 2) {
         ctx.textAlign = s === 0 ? 'right' : s === -10 ? 'left' : 'center';
         ctx.fillText(s === 0 ? 'now' : `−${-s} s`, left + (s + 10) / 10 * (right - left), height - 6);
     }

@@ -1,5 +1,5 @@
-// knead web: shows the object in a browser and lets the user move tools. The main thread runs libev and handles messages.
-// A thread for each tool makes poses at 1 kHz. The thread of picture.c draws pictures, if a page wants any.
+// knead web: shows the object in a browser and lets the user move tools. The main thread runs libev and handles
+// messages. A thread for each tool makes poses at 1 kHz. The thread of picture.c draws pictures, if a page wants any.
 #include "clients/hand/live_server.h"
 #include "clients/cli/commands.h"
 #include "clients/web/web.h"
