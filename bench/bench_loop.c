@@ -29,6 +29,7 @@ static const double apart_m = 0.0125; // distance of each ball from the middle o
 typedef struct block { // object of a closed loop: a lattice under one tool or two, and the device of the second hand
     kn_model *model;
     kn_state *state;
+    kn_scratch *scratch;
     kn_input input;
     kn_output output;
     double touch_m; // height of the first tool at which it just touches the object, m
@@ -83,9 +84,10 @@ static void block_open(block *b, const char *material, bool quick, int tool, con
         strcpy(def.probe[1].name, "second");
         b->model = kn_model_build(&def, error, sizeof error);
         b->state = b->model ? kn_state_create(b->model) : NULL;
+        b->scratch = b->model ? kn_scratch_create(b->model) : NULL;
         kn_scene_destroy(scene);
     }
-    if (!b->state) fprintf(stderr, "bench_loop: %s\n", error), exit(3);
+    if (!b->state || !b->scratch) fprintf(stderr, "bench_loop: %s\n", error), exit(3);
     b->touch_m = touch_height(b, b->two ? -apart_m : 0);
     for (int p = 0; p < 2; p++) {
         b->input.probe[p] = (kn_probe_input){.attached = p == 0 || b->two, .orientation_wxyz = {1}};
@@ -95,6 +97,7 @@ static void block_open(block *b, const char *material, bool quick, int tool, con
 static void block_close(block *b)
 {
     kn_state_destroy(b->state);
+    kn_scratch_destroy(b->scratch);
     kn_model_destroy(b->model);
 }
 
@@ -120,7 +123,7 @@ static double touch(void *self, const double position_m[3], const double velocit
     block *b = self;
     put(&b->input.probe[0], position_m, velocity_m_s, b->two ? -apart_m : 0, b->touch_m);
     if (b->two) put(&b->input.probe[1], b->other.position_m, b->other.velocity_m_s, apart_m, b->touch_m);
-    b->diverged |= kn_step(b->model, b->state, &b->input, &b->output) != KN_OK;
+    b->diverged |= kn_step(b->model, b->state, b->scratch, &b->input, &b->output) != KN_OK;
     memcpy(force_n, b->output.probe[0].force_n, sizeof b->output.probe[0].force_n);
     if (b->two) move_other(b, b->output.probe[1].force_n);
     return -1;

@@ -48,6 +48,7 @@ typedef struct experiment {
     kn_scene *scene;
     kn_model *model;
     kn_state *state;
+    kn_scratch *scratch;
     kn_surface *surface;
     double top_m, low_m[3], high_m[3]; // height of the top, and corners of the box around the object, at rest
     kn_cell *cell;                     // [cell_count] cells of a block; NULL for a mesh
@@ -228,12 +229,13 @@ static experiment open_experiment(const options *o)
     if (x.scene) x.model = kn_model_build(&x.scene->model, error, sizeof error);
     if (!x.model) fail(error);
     x.state = kn_state_create(x.model);
+    x.scratch = kn_scratch_create(x.model);
     x.surface = kn_surface_create(x.model);
     x.held = calloc((size_t)x.model->node_count, sizeof *x.held);
     const kn_simplices *mesh = x.model->def.mesh;
     x.cell_count = mesh ? mesh->element_count : kn_grid_cells(&x.model->grid, NULL);
     if (!mesh) x.cell = malloc((size_t)x.cell_count * sizeof *x.cell);
-    if (!x.state || !x.surface || !x.held || (!mesh && !x.cell)) fail("out of memory");
+    if (!x.state || !x.scratch || !x.surface || !x.held || (!mesh && !x.cell)) fail("out of memory");
     for (int k = 0; k < 3; k++) x.low_m[k] = INFINITY, x.high_m[k] = -INFINITY;
     for (int i = 0; i < x.model->node_count; i++)
         for (int k = 0; k < 3; k++) {
@@ -252,6 +254,7 @@ static void close_experiment(experiment *x)
     free(x->held);
     kn_surface_destroy(x->surface);
     kn_state_destroy(x->state);
+    kn_scratch_destroy(x->scratch);
     kn_model_destroy(x->model);
     kn_scene_destroy(x->scene);
 }
@@ -310,7 +313,7 @@ static void run_experiment(experiment *x)
     for (int i = 1; i <= steps; i++) {
         kn_output out;
         kn_input in = input_at(x, i * dt);
-        x->m.status = kn_step(x->model, x->state, &in, &out);
+        x->m.status = kn_step(x->model, x->state, x->scratch, &in, &out);
         if (x->m.status != KN_OK) return;
         watch(x, i * dt, i, &out, &highest);
         if (i % CELLS_EVERY == 0) x->m.least_cell = fmin(x->m.least_cell, least_cell(x));

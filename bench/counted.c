@@ -6,10 +6,14 @@
 #include "bench/throughput.h"
 #include <stdlib.h>
 
-static counted now;           // counts of the loop that runs at present
-static unsigned char *line;   // [line_count] a flag per 64-byte line of the state; 1: the running loop has touched it
-static const char *line_base; // address of the state
-static size_t line_count;
+static counted now; // counts of the loop that runs at present
+
+typedef struct region { // the memory of the state, and that of the scratch
+    const char *base;
+    size_t count;        // number of 64-byte lines
+    unsigned char *line; // [count] 1: the running loop has touched the line
+} region;
+static region regions[2];
 
 static void add_operations(int operations, int flops)
 {
@@ -19,14 +23,16 @@ static void add_operations(int operations, int flops)
 
 static void touch(const real *p)
 {
-    // Index of the first 64-byte line at p. An address below the state gives a huge index, because the difference wraps
-    // around; such a line is not counted.
-    size_t first = (size_t)((const char *)p - line_base) / 64;
-    for (size_t i = first; i < first + KN_LANES * sizeof(real) / 64; i++)
-        if (i < line_count && !line[i]) {
-            line[i] = 1;
-            now.bytes += 64;
-        }
+    for (region *b = regions; b < regions + 2; b++) {
+        // Index of the first 64-byte line at p. An address below the region gives a huge index, because the difference
+        // wraps around; such a line is not counted.
+        size_t first = (size_t)((const char *)p - b->base) / 64;
+        for (size_t i = first; i < first + KN_LANES * sizeof(real) / 64; i++)
+            if (i < b->count && !b->line[i]) {
+                b->line[i] = 1;
+                now.bytes += 64;
+            }
+    }
 }
 
 // Replace each function of lanes.h by a macro of the same name that counts the operation and then calls the function.
@@ -58,36 +64,38 @@ static counted *edge_now, *iteration_now;
 static void begin(void)
 {
     now = (counted){0};
-    memset(line, 0, line_count);
+    for (region *b = regions; b < regions + 2; b++) memset(b->line, 0, b->count);
 }
 
-static double counted_edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
+static double counted_edge(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how,
+                           bool again)
 {
     begin();
-    double rz = KN_KERNELS(grid).edge(model, state, how, again);
+    double rz = KN_KERNELS(grid).edge(model, state, work, how, again);
     *edge_now = now;
     return rz;
 }
 
-static double counted_apply(const kn_model *model, kn_state *state, double beta)
+static double counted_apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
 {
     begin();
-    double dq = KN_KERNELS(grid).apply(model, state, beta);
+    double dq = KN_KERNELS(grid).apply(model, state, work, beta);
     *iteration_now = now;
     return dq;
 }
 
-static double counted_update(const kn_model *model, kn_state *state, double alpha)
+static double counted_update(const kn_model *model, const kn_work *work, double alpha)
 {
     begin();
-    double rz = KN_KERNELS(grid).update(model, state, alpha);
+    double rz = KN_KERNELS(grid).update(model, work, alpha);
     iteration_now->operations += now.operations;
     iteration_now->flops += now.flops;
     iteration_now->bytes += now.bytes;
     return rz;
 }
 
-void counted_step(kn_model *model, kn_state *state, const kn_input *input, counted *edge_, counted *iteration)
+void counted_step(kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, counted *edge_,
+                  counted *iteration)
 {
     kn_kernels counting = KN_KERNELS(grid);
     const kn_kernels *before = model->kernels;
@@ -95,13 +103,13 @@ void counted_step(kn_model *model, kn_state *state, const kn_input *input, count
     counting.apply = counted_apply;
     counting.update = counted_update;
     edge_now = edge_, iteration_now = iteration;
-    line_base = (const char *)state;
-    line_count = state->bytes / 64;
-    line = calloc(line_count, 1);
-    if (!line) abort();
+    regions[0] = (region){(const char *)state, kn_state_size(model) / 64, NULL};
+    regions[1] = (region){(const char *)scratch, kn_scratch_size(model) / 64, NULL};
+    for (region *b = regions; b < regions + 2; b++)
+        if (!(b->line = calloc(b->count, 1))) abort();
     model->kernels = &counting;
     kn_output out;
-    kn_step(model, state, input, &out);
+    kn_step(model, state, scratch, input, &out);
     model->kernels = before;
-    free(line);
+    for (region *b = regions; b < regions + 2; b++) free(b->line);
 }

@@ -52,8 +52,10 @@ typedef struct counted { // counts of operations, flops and bytes in one loop ov
 // Run one step from `state` under `input` with the counting loops. Write the work of the edge pass to `edge`, and the
 // work of the last iteration (product and update) to `iteration`. The model must be a block with KN_ISA_BASE. During
 // the step, the counting loops replace the model's own.
-void counted_step_f32(kn_model *model, kn_state *state, const kn_input *input, counted *edge, counted *iteration);
-void counted_step_f64(kn_model *model, kn_state *state, const kn_input *input, counted *edge, counted *iteration);
+void counted_step_f32(kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, counted *edge,
+                      counted *iteration);
+void counted_step_f64(kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, counted *edge,
+                      counted *iteration);
 
 // ---- turns.c
 //

@@ -36,12 +36,13 @@ static felt feel(const kn_model_def *def, int ticks)
 {
     kn_model *m = build(def);
     kn_state *state = kn_state_create(m);
+    kn_scratch *scratch = kn_scratch_create(m);
     felt f = {calloc((size_t)ticks, sizeof *f.force_n), calloc((size_t)m->grid.nodes, sizeof *f.shape_m)};
     kn_output out;
-    if (!state || !f.force_n || !f.shape_m) abort();
+    if (!state || !scratch || !f.force_n || !f.shape_m) abort();
     for (int i = 0; i < ticks; i++) {
         kn_input in = hand(m, (i + 1) * def->solver.dt_s);
-        kn_step(m, state, &in, &out);
+        kn_step(m, state, scratch, &in, &out);
         memcpy(f.force_n[i], out.probe[now->probe].force_n, sizeof *f.force_n);
     }
     for (int i = 0; i < m->grid.nodes; i++) {
@@ -50,6 +51,7 @@ static felt feel(const kn_model_def *def, int ticks)
         kn_composite_displacement(m, state, at, f.shape_m[i]);
     }
     kn_state_destroy(state);
+    kn_scratch_destroy(scratch);
     kn_model_destroy(m);
     return f;
 }

@@ -20,7 +20,7 @@ typedef struct measured { // results of one lattice with one kernel
     char object[16];
     kn_model_def def;
     int nodes, edges, lanes; // lanes: nodes and the padding of the vectors
-    size_t state_bytes;
+    size_t state_bytes;      // memory of state and scratch
     taken_apart took;
     counted edge, iteration;
     summary pressed; // times of the steps of the whole press, with the default settings
@@ -39,7 +39,7 @@ static void describe(measured *m, const lattice *l, const kn_model_def *def)
     *m = (measured){.def = *def, .nodes = model->node_count, .edges = kn_grid_edges(&model->grid, NULL)};
     snprintf(m->object, sizeof m->object, "%d", m->nodes);
     m->lanes = model->grid.rows * model->grid.vectors * KN_LANES;
-    m->state_bytes = model->state_bytes;
+    m->state_bytes = kn_state_size(model) + kn_scratch_size(model);
     m->target_us = target_of(l, def);
     kn_model_destroy(model);
 }
@@ -50,12 +50,14 @@ static void count_work(measured *m, const kn_state *start)
     def.solver.isa = KN_ISA_BASE;
     kn_model *model = build(&def);
     kn_state *state = kn_state_create(model);
-    if (!state) abort();
+    kn_scratch *scratch = kn_scratch_create(model);
+    if (!state || !scratch) abort();
     kn_state_copy(model, state, start);
     kn_input in = press_hand(model, (PRESS_MIDDLE + 1) * def.solver.dt_s);
-    if (def.solver.precision == KN_PRECISION_F32) counted_step_f32(model, state, &in, &m->edge, &m->iteration);
-    else counted_step_f64(model, state, &in, &m->edge, &m->iteration);
+    if (def.solver.precision == KN_PRECISION_F32) counted_step_f32(model, state, scratch, &in, &m->edge, &m->iteration);
+    else counted_step_f64(model, state, scratch, &in, &m->edge, &m->iteration);
     kn_state_destroy(state);
+    kn_scratch_destroy(scratch);
     kn_model_destroy(model);
 }
 

@@ -182,7 +182,7 @@ void table_features(const throughput_options *o)
     puts("|------------------------------------|-------:|-------:|----------:|");
     for (int i = 0; i < FEATURES; i++) {
         s[i] = turns_summary(&r[i], TICKS);
-        double kib = (double)turns_model(&r[i])->state_bytes / 1024;
+        double kib = (double)(kn_state_size(turns_model(&r[i])) + kn_scratch_size(turns_model(&r[i]))) / 1024;
         printf("| %-34s | %6.1f | ", f[i].name, s[i].median_us);
         if (i == VOIGT) printf("       |");
         else printf("%+6.1f |", s[i].median_us - s[f[i].over].median_us);

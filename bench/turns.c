@@ -69,6 +69,7 @@ void turns_free(runner *runners, int count)
 typedef struct subject {
     kn_model *model;
     kn_state *state, *start;
+    kn_scratch *scratch;
     hand_fn *hand;
     int from;
 } subject;
@@ -85,7 +86,7 @@ static double subject_step(void *self, int tick, int *iterations)
     kn_input in = s->hand(s->model, (s->from + tick + 1) * s->model->def.solver.dt_s);
     kn_output out;
     double before = thread_us();
-    kn_status status = kn_step(s->model, s->state, &in, &out);
+    kn_status status = kn_step(s->model, s->state, s->scratch, &in, &out);
     double us = thread_us() - before;
     if (status != KN_OK) {
         fprintf(stderr, "bench: a step of %d nodes diverged at tick %d\n", s->model->node_count, s->from + tick);
@@ -102,7 +103,8 @@ runner turns_knead(const kn_model_def *def, hand_fn *hand, const kn_state *start
     *s = (subject){.model = build(def), .hand = hand, .from = from};
     s->state = kn_state_create(s->model);
     s->start = kn_state_create(s->model);
-    if (!s->state || !s->start) abort();
+    s->scratch = kn_scratch_create(s->model);
+    if (!s->state || !s->start || !s->scratch) abort();
     if (start) kn_state_copy(s->model, s->start, start);
     return (runner){.self = s, .rewind = subject_rewind, .step = subject_step};
 }
@@ -114,6 +116,7 @@ void turns_destroy(runner *r)
     subject *s = r->self;
     kn_state_destroy(s->start);
     kn_state_destroy(s->state);
+    kn_scratch_destroy(s->scratch);
     kn_model_destroy(s->model);
     free(s);
 }

@@ -264,7 +264,6 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
                      ceil(def->solver.mass_scale * def->solver.dt_s / m->rk4_limit_s * 1.05));
         return false;
     }
-    m->state_bytes = kn_state_size(m);
     return true;
 }
 
@@ -354,15 +353,12 @@ static void layout_fixed(const kn_model *m, kn_arena *a, kn_scratch *s)
     if (s->stages) kn_fixed_scratch_init(m, s->stages);
 }
 
-// Lay out a state in the memory at `base` and return its size. If `base` is NULL, only measure. If `kept` is true,
-// leave out the solver's scratch.
-static size_t layout(const kn_model *m, char *base, bool kept)
+// Lay out a state in the memory at `base` and return its size. If `base` is NULL, only measure.
+static size_t layout_state(const kn_model *m, void *base)
 {
     kn_arena a = {.base = base};
-    kn_state unused_state, *state = base ? (kn_state *)(void *)base : &unused_state;
-    kn_scratch unused_scratch, *scratch = &unused_scratch;
-    // the part that a snapshot saves: the struct, the fields, held nodes and anchors
-    kn_arena_take(&a, sizeof *state);
+    kn_state unused, *state = kn_arena_take(&a, sizeof *state);
+    if (!base) state = &unused;
 #define KN_FIELD(name, components)                                                                                     \
     state->name = kn_arena_take(&a, kn_state_field(m, components));                                                    \
     if (kn_state_field(m, components) == 0) state->name = NULL;
@@ -371,42 +367,51 @@ static size_t layout(const kn_model *m, char *base, bool kept)
     state->held = kn_arena_take(&a, KN_PROBES_MAX * (size_t)m->top_count);
     size_t anchors = kn_contact_anchors(m);
     state->anchor = anchors > 0 ? kn_arena_take(&a, anchors * sizeof *state->anchor) : NULL;
-    if (base) state->bytes = a.used;
-    if (kept) return a.used;
-    // the part that no snapshot saves: contact of the step and the solver's vectors
-    state->scratch = kn_arena_take(&a, sizeof *scratch);
-    if (base) scratch = state->scratch;
+    return a.used;
+}
+
+// Lay out a scratch in the memory at `base` and return its size. If `base` is NULL, only measure.
+static size_t layout_scratch(const kn_model *m, void *base)
+{
+    kn_arena a = {.base = base};
+    kn_scratch unused, *scratch = kn_arena_take(&a, sizeof *scratch);
+    if (!base) scratch = &unused;
     void *contact = kn_arena_take(&a, kn_contact_bytes(m));
     if (base) kn_contact_init(m, &scratch->contact, contact);
     if (m->def.solver.kind == KN_SOLVER_IMPLICIT) layout_implicit(m, &a, scratch);
     else if (m->def.solver.kind == KN_SOLVER_FIXED) layout_fixed(m, &a, scratch);
     else layout_rk4(m, &a, scratch);
-    if (base) state->bytes = a.used;
     return a.used;
 }
 
-size_t kn_state_size(const kn_model *model) { return layout(model, NULL, false); }
-size_t kn_state_kept(const kn_model *model) { return layout(model, NULL, true); }
+size_t kn_state_size(const kn_model *model) { return layout_state(model, NULL); }
+size_t kn_scratch_size(const kn_model *model) { return layout_scratch(model, NULL); }
 
-static kn_state *allocate(const kn_model *m, size_t bytes, bool kept)
+// Allocate memory for a state or a scratch. This writes to every page now, so that no tick causes a page fault.
+static void *allocate(size_t bytes)
 {
-    kn_state *state = aligned_alloc(64, bytes);
-    if (!state) return NULL;
-    memset(state, 0, bytes); // this writes to every memory page now, so that no tick causes a page fault
-    layout(m, (char *)state, kept);
-    return state;
+    void *memory = aligned_alloc(64, bytes);
+    return memory ? memset(memory, 0, bytes) : NULL;
 }
 
 kn_state *kn_state_create(const kn_model *model)
 {
-    kn_state *state = allocate(model, model->state_bytes, false);
-    if (state) kn_state_reset(model, state);
+    kn_state *state = allocate(kn_state_size(model));
+    if (state) layout_state(model, state);
     return state;
 }
 
-kn_state *kn_state_keep(const kn_model *model) { return allocate(model, kn_state_kept(model), true); }
+kn_scratch *kn_scratch_create(const kn_model *model)
+{
+    kn_scratch *scratch = allocate(kn_scratch_size(model));
+    if (!scratch) return NULL;
+    layout_scratch(model, scratch);
+    kn_scratch_reset(model, scratch);
+    return scratch;
+}
 
 void kn_state_destroy(kn_state *state) { free(state); }
+void kn_scratch_destroy(kn_scratch *scratch) { free(scratch); }
 
 // Reset the implicit solver's scratch: clear its vectors, and mark all components of nodes as free, except those that
 // the support holds.
@@ -431,6 +436,12 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
     memcpy(w->row_held, s->row_base, (size_t)m->row_count);
 }
 
+void kn_scratch_reset(const kn_model *model, kn_scratch *scratch)
+{
+    scratch->state = NULL;
+    if (model->def.solver.kind == KN_SOLVER_IMPLICIT) reset_implicit(model, scratch);
+}
+
 void kn_state_reset(const kn_model *model, kn_state *state)
 {
     // clear the plain members (anchor_count = 0 empties the list of anchors), then the fields and the held nodes
@@ -440,5 +451,4 @@ void kn_state_reset(const kn_model *model, kn_state *state)
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
     memset(state->held, 0, KN_PROBES_MAX * (size_t)model->top_count);
-    if (model->def.solver.kind == KN_SOLVER_IMPLICIT) reset_implicit(model, kn_state_scratch(state));
 }

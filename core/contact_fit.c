@@ -216,9 +216,9 @@ static void add_layer(const kn_sample *s, pressed *c)
 }
 
 // Compute the resultant of all samples of a tool, and the resultant of the samples of each patch.
-static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, int p, fitted *f)
+static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, const kn_contact *contact, int p,
+                            fitted *f)
 {
-    const kn_contact *contact = &kn_state_scratch(state)->contact;
     const bool turns = kn_tool_turns(&fit->model->def.probe[p]);
     sums all = {0}, part[KN_PATCHES_MAX];
     if (several(f)) memset(part, 0, sizeof part);
@@ -245,9 +245,9 @@ static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, in
 }
 
 // Compute the resultants of a plate's held nodes. All held nodes move at the plate's velocity.
-static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int p, const kn_output *output, fitted *f)
+static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, const kn_contact *contact, int p,
+                          const kn_output *output, fitted *f)
 {
-    const kn_contact *contact = &kn_state_scratch(state)->contact;
     static const double down[3] = {0, 0, -1};
     const double rate = -state->probe[p].velocity_m_s[2];
     double pressed_n = 0;
@@ -284,13 +284,14 @@ static void look_at_holds(const kn_contact_fit *fit, const kn_state *state, int 
 }
 
 // Compute the resultants of a tool's contact in the last step.
-static void look(const kn_contact_fit *fit, const kn_state *state, int p, const kn_output *output, fitted *f)
+static void look(const kn_contact_fit *fit, const kn_state *state, const kn_contact *contact, int p,
+                 const kn_output *output, fitted *f)
 {
     bool plate = fit->model->def.probe[p].shape == KN_PROBE_PLATE;
     f->all.force_n = 0;
     memcpy(f->tool_m, state->probe[p].position_m, sizeof f->tool_m);
-    if (plate) look_at_holds(fit, state, p, output, f);
-    else look_at_samples(fit, state, p, f);
+    if (plate) look_at_holds(fit, state, contact, p, output, f);
+    else look_at_samples(fit, state, contact, p, f);
     f->touching = f->all.force_n > 0;
     if (!f->touching) f->all.rate_m_s = 0, memset(f->all.arm_m, 0, sizeof f->all.arm_m);
     double along = kn_dot(f->all.normal, output->probe[p].force_n);
@@ -397,9 +398,8 @@ static void regroup(fitted *f, unsigned used, double share[KN_PATCHES_MAX][KN_PA
 }
 
 // Group the pressed nodes into patches, and regroup the stored values.
-static void group_patches(kn_contact_fit *fit, const kn_state *state, int p)
+static void group_patches(kn_contact_fit *fit, const kn_contact *contact, int p)
 {
-    const kn_contact *contact = &kn_state_scratch(state)->contact;
     double share[KN_PATCHES_MAX][KN_PATCHES_MAX];
     kn_patches_begin(fit->patches, p);
     for (int i = 0; i < contact->sample_count; i++) {
@@ -443,10 +443,9 @@ static int load_plate(const kn_contact_fit *fit, const kn_state *state, int p, d
 // of the whole contact, sum to 1 N.
 typedef void kn_force_call(void *self, int patch, size_t offset, const double force_n[3]);
 
-static void each_force(const kn_contact_fit *fit, const kn_state *state, int p, bool by_patch, kn_force_call *call,
+static void each_force(const kn_contact_fit *fit, const kn_contact *contact, int p, bool by_patch, kn_force_call *call,
                        void *self)
 {
-    const kn_contact *contact = &kn_state_scratch(state)->contact;
     const fitted *f = &fit->probe[p];
     double force[3], whole_n = f->all.force_n;
     for (int i = 0; i < contact->sample_count; i++) {
@@ -476,7 +475,7 @@ static void load_force(void *self, int patch, size_t offset, const double force_
 }
 
 // Load the nodes with the pattern of forces for which the mobility solve computes velocities.
-static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
+static void load_pattern(kn_contact_fit *fit, const kn_state *state, const kn_contact *contact, int p)
 {
     const kn_model *m = fit->model;
     fitted *f = &fit->probe[p];
@@ -494,7 +493,7 @@ static void load_pattern(kn_contact_fit *fit, const kn_state *state, int p)
         kn_mobility_load(fit->mobility, m->offset[node], force);
         return;
     }
-    each_force(fit, state, p, false, load_force, fit->mobility);
+    each_force(fit, contact, p, false, load_force, fit->mobility);
     for (int i = 0; i < KN_PATCHES_MAX; i++) f->patch[i].loaded = f->patch[i].force_n / f->all.force_n;
 }
 
@@ -513,12 +512,12 @@ static void add_rate(void *self, int patch, size_t offset, const double force_n[
 
 // Compute the damping A_i of each patch. The whole pattern of forces sums to 1 N; patch i carries the share w_i of it
 // and yields with the speed b_i'z, where b_i are the forces of patch i and z the node velocities. So A_i = w_i/(b_i'z).
-static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
+static void share_mobility(kn_contact_fit *fit, const kn_contact *contact, int p)
 {
     fitted *f = &fit->probe[p];
     rates r = {.mobility = fit->mobility, .probe = p};
     if (!several(f)) return;
-    each_force(fit, state, p, true, add_rate, &r);
+    each_force(fit, contact, p, true, add_rate, &r);
     for (int i = 0; i < KN_PATCHES_MAX; i++) {
         pressed *c = &f->patch[i];
         if (!(f->used >> i & 1) || !(c->loaded > 0) || !(c->force_n > 0)) continue;
@@ -527,7 +526,7 @@ static void share_mobility(kn_contact_fit *fit, const kn_state *state, int p)
 }
 
 // Begin a mobility solve (a round) for the next probe that touches the object or is near it. The probes take turns.
-static void begin_round(kn_contact_fit *fit, const kn_state *state)
+static void begin_round(kn_contact_fit *fit, const kn_state *state, const kn_contact *contact)
 {
     int probes = fit->model->def.probe_count, last = fit->round < 0 ? 0 : fit->round;
     fit->round = -1;
@@ -535,18 +534,20 @@ static void begin_round(kn_contact_fit *fit, const kn_state *state)
         int p = (last + i) % probes;
         if (!fit->probe[p].near) continue;
         kn_mobility_begin(fit->mobility, p);
-        load_pattern(fit, state, p);
+        load_pattern(fit, state, contact, p);
         kn_mobility_start(fit->mobility);
         fit->round = p;
         return;
     }
 }
 
-void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state)
+void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state, const kn_scratch *scratch)
 {
+    const kn_contact *contact = kn_scratch_contact(scratch, state);
+    if (!contact) return; // the state was reset or has diverged
     // update the patches and the next places of contact, then continue the mobility solve
     for (int p = 0; p < fit->model->def.probe_count; p++)
-        if (fit->probe[p].touching || fit->probe[p].used) group_patches(fit, state, p);
+        if (fit->probe[p].touching || fit->probe[p].used) group_patches(fit, contact, p);
     for (int p = 0; p < fit->model->def.probe_count; p++)
         if (fit->ahead[p] && fit->probe[p].near) kn_ahead_look(fit->ahead[p], state);
     for (int i = 0; i < ITERATIONS && fit->round >= 0; i++) {
@@ -555,26 +556,28 @@ void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state)
         // the mobility solve is complete: use the new damping A and begin the next solve
         if (a > 0) {
             fit->probe[fit->round].all.a = a;
-            share_mobility(fit, state, fit->round);
+            share_mobility(fit, contact, fit->round);
         }
-        begin_round(fit, state);
+        begin_round(fit, state, contact);
         return;
     }
-    if (fit->round < 0) begin_round(fit, state);
+    if (fit->round < 0) begin_round(fit, state, contact);
 }
 
 // --- every step -----------------------------------------------------------------------------------------------------
 
-void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_input *input, const kn_output *output)
+void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_scratch *scratch, const kn_input *input,
+                         const kn_output *output)
 {
+    const kn_contact *contact = kn_scratch_contact(scratch, state);
     for (int p = 0; p < fit->model->def.probe_count; p++) {
         fitted *f = &fit->probe[p];
-        if (!state->probe[p].attached) {
+        if (!contact || !state->probe[p].attached) {
             *f = (fitted){0};
             continue;
         }
         // update the contact in every step, however far the mobility solve has come
-        look(fit, state, p, output, f);
+        look(fit, state, contact, p, output, f);
         look_ahead(fit, state, p, input, f);
         f->places = fit->ahead[p] && f->near ? kn_ahead_places(fit->ahead[p], state, KN_PATCHES_MAX, f->place) : 0;
         if (!(f->all.a > 0)) continue;

@@ -49,13 +49,14 @@ kn_contact_fit *kn_contact_fit_create(const kn_model *model, kn_coupling device)
 void kn_contact_fit_destroy(kn_contact_fit *fit); // does nothing if `fit` is NULL
 void kn_contact_fit_reset(kn_contact_fit *fit);   // forget all contacts; call when the object is reset
 
-// Update the fit from the contact of one step. Call after every kn_step with the step's input and output. Real-time
-// safe.
-void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_input *input, const kn_output *output);
+// Update the fit from the contact of one step. Call after every kn_step with the step's scratch, input and output.
+// Real-time safe.
+void kn_contact_fit_step(kn_contact_fit *fit, const kn_state *state, const kn_scratch *scratch, const kn_input *input,
+                         const kn_output *output);
 
 // Do two iterations of the mobility solve (core/local/patch.h) for the present contact, and group the pressed nodes
 // into patches for the next step. Call once per tick, after the forces and units have been sent. Real-time safe.
-void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state);
+void kn_contact_fit_iterate(kn_contact_fit *fit, const kn_state *state, const kn_scratch *scratch);
 
 // Store the units of probe p after the last step in unit[0 .. contact_count - 1]. `most`: number of units for which
 // unit[] has room, 1 to KN_CONTACT_UNITS. unit[0].contact_count is 0 if the object is not within the tool's reach. If

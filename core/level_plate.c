@@ -17,6 +17,7 @@ typedef struct search {
     const kn_model *model;
     const kn_state *state;
     kn_state *trial;
+    kn_scratch *scratch;
     kn_input input;
     kn_output output;
 } search;
@@ -29,7 +30,7 @@ static double force_at(search *s, double velocity_m_s)
                            .position_m = {s->plate->x_m, s->plate->y_m, s->plate->height_m},
                            .velocity_m_s = {0, 0, velocity_m_s}};
     kn_state_copy(s->model, s->trial, s->state);
-    if (kn_step(s->model, s->trial, &s->input, &s->output) != KN_OK) return NAN;
+    if (kn_step(s->model, s->trial, s->scratch, &s->input, &s->output) != KN_OK) return NAN;
     return s->output.probe[s->plate->probe].force_n[2];
 }
 
@@ -58,9 +59,9 @@ static kn_plate_status accept(search *s, kn_level_plate *plate, kn_state *state,
 }
 
 kn_plate_status kn_level_plate_step(kn_level_plate *plate, const kn_model *model, kn_state *state, kn_state *trial,
-                                    double load_n, const kn_input *input, kn_output *output)
+                                    kn_scratch *scratch, double load_n, const kn_input *input, kn_output *output)
 {
-    search s = {.plate = plate, .model = model, .state = state, .trial = trial, .input = *input};
+    search s = {.plate = plate, .model = model, .state = state, .trial = trial, .scratch = scratch, .input = *input};
     const double top_m = model->rest_m[model->top[0]][2], dt_s = model->def.solver.dt_s;
     const double lowest = (KN_LEVEL_PLATE_FLAT * top_m - plate->height_m) / dt_s;
     // over: velocity with too much force; under: velocity above it with too little. over_n, under_n: excess of the force

@@ -42,6 +42,6 @@ void kn_level_plate_lower(kn_level_plate *plate, const kn_model *model, const kn
 // together, so that the force jumps past the weight, the step ends on the side of the smaller force. If the status is
 // not KN_PLATE_CARRIED, the state is the one before the step.
 kn_plate_status kn_level_plate_step(kn_level_plate *plate, const kn_model *model, kn_state *state, kn_state *trial,
-                                    double load_n, const kn_input *input, kn_output *output);
+                                    kn_scratch *scratch, double load_n, const kn_input *input, kn_output *output);
 
 #endif

@@ -196,7 +196,6 @@ typedef struct kn_model {
     int cell_count;
     struct kn_fixed_model *fixed; // FIXED: image of the model in integers (solver_fixed.h); else NULL
     double rk4_limit_s;           // RK4: largest stable step at rest, 2.785 / lambda_max(C/M) by power iteration
-    size_t state_bytes;           // size of one kn_state with its arrays
 } kn_model;
 
 // Return the default definition: a block of the first paper's dough, 5 x 5 x 3 cm with cells of 1 cm, bonded to the

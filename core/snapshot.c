@@ -321,7 +321,7 @@ const char *kn_carry_misfit(const kn_model *from, const kn_model *to)
     if ((kn_contact_anchors(from) > 0) != (kn_contact_anchors(to) > 0))
         return "contact that now sticks, or no longer sticks";
     // with adhesion or grip, contact reaches farther, so the state may need room for more samples
-    return kn_contact_samples(from) == kn_contact_samples(to) && kn_state_kept(from) == kn_state_kept(to)
+    return kn_contact_samples(from) == kn_contact_samples(to) && kn_state_size(from) == kn_state_size(to)
                ? NULL
                : "contact that reaches farther or less far";
 }

@@ -39,8 +39,8 @@ size_t kn_snapshot_size_max(const kn_model *model);
 // safe.
 size_t kn_snapshot_write(const kn_model *model, const kn_state *state, uint8_t *bytes, size_t size);
 
-// Read a snapshot into a state of this model, which kn_state_create or kn_state_keep has made. If the result is not
-// KN_SNAPSHOT_FITS, the contents of the state are undefined, and the state must be reset. Real-time safe.
+// Read a snapshot into a state of this model. If the result is not KN_SNAPSHOT_FITS, the contents of the state are
+// undefined, and the state must be reset. Real-time safe.
 kn_snapshot_fit kn_snapshot_read(const kn_model *model, const uint8_t *bytes, size_t size, kn_state *state);
 
 // Return true if two states of a model differ: a component of a node's position by more than by_m, or an edge's strain
@@ -64,8 +64,8 @@ bool kn_state_moved(const kn_model *model, const kn_state *a, const kn_state *b,
 // room for equally many samples; adhesion and grip need more room.
 const char *kn_carry_misfit(const kn_model *from, const kn_model *to);
 
-// Convert the state `now` of the model `from` into the state `then` of the model `to`. `then` may come from
-// kn_state_keep. Real-time safe: reads and writes each state once.
+// Convert the state `now` of the model `from` into the state `then` of the model `to`. Real-time safe: reads and writes
+// each state once.
 void kn_carry(const kn_model *from, const kn_state *now, const kn_model *to, kn_state *then);
 
 #endif

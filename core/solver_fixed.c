@@ -288,7 +288,7 @@ void kn_fixed_destroy(kn_fixed_model *fixed)
 
 // --- the step -------------------------------------------------------------------------------------------------------
 
-typedef struct work { // data of a step, in the state's scratch memory
+typedef struct work { // data of a step, in the scratch memory
     kn_fixed engine;
     double (*load_n)[3];    // [node] loads from tools, top and gas
     double *moved_m;        // [node][3] displacements, for the gas; NULL without gas
@@ -320,9 +320,9 @@ static size_t lay_out(const kn_model *m, char *base)
 size_t kn_fixed_scratch(const kn_model *model) { return lay_out(model, NULL); }
 void kn_fixed_scratch_init(const kn_model *model, void *scratch) { lay_out(model, scratch); }
 
-void kn_fixed_watch_by(kn_state *state, kn_fixed_watch watch)
+void kn_fixed_watch_by(kn_scratch *scratch, kn_fixed_watch watch)
 {
-    work *w = kn_state_scratch(state)->stages;
+    work *w = scratch->stages;
     w->watch = watch;
 }
 
@@ -444,10 +444,10 @@ static void read_forces(const kn_model *m, kn_contact *contact, const work *w, c
     output->capped = (result->flags & ~(uint32_t)KN_FIXED_SAT_RESIDUAL) != 0;
 }
 
-void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
+void kn_solve_fixed(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
+                    kn_output *output)
 {
-    kn_scratch *s = kn_state_scratch(state);
-    work *w = s->stages;
+    work *w = scratch->stages;
     kn_fixed_result result;
     int count = 0;
     memset(w->place, 0xff, (size_t)model->node_count * sizeof *w->place);
@@ -455,8 +455,8 @@ void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *inpu
     w->engine.flags = 0;
     kn_fixed_read(model, state, &w->engine);
     // build the boundary list: held nodes, pushed nodes, gas
-    hold_nodes(model, &s->contact, w, &count);
-    push_nodes(model, &s->contact, input->top_load_n, w, &count);
+    hold_nodes(model, &scratch->contact, w, &count);
+    push_nodes(model, &scratch->contact, input->top_load_n, w, &count);
     if (w->moved_m) push_gas(model, w, &count);
     quantize_loads(model, w, count);
     // tell the watch before the tick, so that a circuit can compute the tick at the same time
@@ -464,5 +464,5 @@ void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *inpu
     kn_fixed_tick(&w->engine, w->bound, count, w->reaction, &result);
     if (w->watch.end) w->watch.end(w->watch.self, (const int64_t(*)[3])w->reaction, &result);
     store_state(model, state, &w->engine);
-    read_forces(model, &s->contact, w, &result, output);
+    read_forces(model, &scratch->contact, w, &result, output);
 }

@@ -51,11 +51,12 @@ typedef struct kn_fixed_watch {
     void (*begin)(void *self, const kn_fixed_bound *bound, int count);
     void (*end)(void *self, const int64_t (*reaction)[3], const kn_fixed_result *result);
 } kn_fixed_watch;
-// Have the steps of a state call `watch`. The model must have KN_SOLVER_FIXED. Copies of the state do not call it.
-void kn_fixed_watch_by(kn_state *state, kn_fixed_watch watch);
+// Have the steps with a scratch call `watch`. The model must have KN_SOLVER_FIXED.
+void kn_fixed_watch_by(kn_scratch *scratch, kn_fixed_watch watch);
 
 // Advance displacement, velocity and strain by one step, and store the forces of the contact's held nodes and samples.
 // kn_step calls this function. Real-time safe.
-void kn_solve_fixed(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output);
+void kn_solve_fixed(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
+                    kn_output *output);
 
 #endif

@@ -60,9 +60,11 @@ typedef struct kn_state {
 #undef KN_FIELD
     uint8_t *held;     // [KN_PROBES_MAX][top_count] 1 where a plate holds the node
     kn_anchor *anchor; // [samples of the contact] if the model has contact that sticks, else NULL
-    void *scratch;     // memory of the solver within a step; not saved or hashed; NULL in a state from kn_state_keep
-    size_t bytes;      // size of the block of memory that starts with this struct
 } kn_state;
+
+// Memory that a step needs beside the state, several times as large. A scratch serves all states of its model, one
+// after another, so a thread that steps many states needs one scratch. It keeps the contact of the last step (touch.h).
+typedef struct kn_scratch kn_scratch;
 
 typedef struct kn_probe_input {
     bool attached;          // true: the probe is in the model; false: the probe touches nothing
@@ -99,17 +101,16 @@ typedef struct kn_output {
     bool secant;     // the step used the secant linearisation because chatter was detected
 } kn_output;
 
-// A state belongs to one model, which must outlive it. kn_state_create and kn_state_keep allocate; the caller destroys.
-size_t kn_state_size(const kn_model *model);      // memory of a state with scratch [bytes]
-kn_state *kn_state_create(const kn_model *model); // allocate a state and reset it; NULL: memory is short
-// Allocate a state without scratch, all 0, a tenth of the size of a state with scratch. It can be copied, read, written
-// and hashed, but not stepped or reset. Return NULL if memory is short.
-kn_state *kn_state_keep(const kn_model *model);
-size_t kn_state_kept(const kn_model *model);                 // memory of a state without scratch [bytes]
+// A state and a scratch belong to one model, which must outlive them. The functions _create allocate; the caller
+// destroys.
+size_t kn_state_size(const kn_model *model);                 // memory of a state [bytes]
+kn_state *kn_state_create(const kn_model *model);            // undeformed and at rest; NULL: memory is short
 void kn_state_destroy(kn_state *state);                      // does nothing if `state` is NULL
 void kn_state_reset(const kn_model *model, kn_state *state); // set the object undeformed and at rest; real-time safe
-// Copy everything except the scratch memory. Real-time safe.
-void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src);
+void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src); // real-time safe
+size_t kn_scratch_size(const kn_model *model);                                 // memory of a scratch [bytes]
+kn_scratch *kn_scratch_create(const kn_model *model);                          // NULL: memory is short
+void kn_scratch_destroy(kn_scratch *scratch);                                  // does nothing if `scratch` is NULL
 // Return the size in bytes of a field of the state with `components` numbers per node; 0: the state has no such field.
 size_t kn_state_field(const kn_model *model, int components);
 

@@ -8,9 +8,8 @@
 // --- Runge-Kutta ----------------------------------------------------------------------------------------------------
 
 // Take one Runge-Kutta step. The contact prescribes velocities of nodes under plates and adds external forces.
-static void solve_rk4(const kn_model *m, kn_state *state, const kn_input *input)
+static void solve_rk4(const kn_model *m, kn_state *state, kn_scratch *s, const kn_input *input)
 {
-    kn_scratch *s = kn_state_scratch(state);
     // begin with the constraints of the support, velocities of 0, and the dead load on the top
     memcpy(s->fixed, m->support, (size_t)m->node_count);
     memset(s->velocity, 0, (size_t)m->node_count * sizeof *s->velocity);
@@ -81,10 +80,11 @@ static bool all_finite(const kn_model *m, const kn_state *state, const kn_output
 
 // --- the step -------------------------------------------------------------------------------------------------------
 
-kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
+kn_status kn_step(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, kn_output *output)
 {
-    kn_contact *contact = &kn_state_scratch(state)->contact;
+    kn_contact *contact = &scratch->contact;
     memset(output, 0, sizeof *output);
+    scratch->state = NULL; // until the step has ended, the scratch holds no contact of a state
     if (state->bad) return KN_DIVERGED;
     const kn_solver kind = model->def.solver.kind;
     const bool rk4 = kind == KN_SOLVER_RK4;
@@ -92,20 +92,26 @@ kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input,
     // find which tool touches which nodes, at the present positions
     kn_contact_find(model, state, input, contact);
     // solve for the velocities of the nodes, and for the forces of held nodes and samples
-    if (rk4) solve_rk4(model, state, input);
-    else if (kind == KN_SOLVER_FIXED) kn_solve_fixed(model, state, input, output);
-    else kn_solve_implicit(model, state, input, output);
+    if (rk4) solve_rk4(model, state, scratch, input);
+    else if (kind == KN_SOLVER_FIXED) kn_solve_fixed(model, state, scratch, input, output);
+    else kn_solve_implicit(model, state, scratch, input, output);
     // sum the forces on the probes, then move the probes and the lattice
     kn_contact_end(model, state, input, contact, output);
-    if (kind == KN_SOLVER_IMPLICIT) model->kernels->integrate(model, state);
+    if (kind == KN_SOLVER_IMPLICIT) model->kernels->integrate(model, state, &scratch->work);
     // watch the force for chatter
     if (state->secant_steps > 0) state->secant_steps--;
     watch_chatter(model, state, output);
     state->tick++;
 
-    // if a result is not finite, all forces are 0 from now on until kn_state_reset
-    if (all_finite(model, state, output)) return KN_OK;
+    if (all_finite(model, state, output)) {
+        scratch->state = state;
+        scratch->tick = state->tick;
+        return KN_OK;
+    }
+    // A result is not finite: all forces are 0 from now on until kn_state_reset. The next step with this scratch may be
+    // of another state, so nothing of this one may stay.
     state->bad = 1;
     memset(output, 0, sizeof *output);
+    kn_scratch_reset(model, scratch);
     return KN_DIVERGED;
 }

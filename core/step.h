@@ -9,8 +9,9 @@ typedef enum kn_status {
     KN_DIVERGED // a number is not finite: all forces are 0 until kn_state_reset
 } kn_status;
 
-// Advance the state by one time step, model->def.solver.dt_s, and store the forces on the probes in `output`. The state
-// must come from kn_state_create with this model. Several threads may step different states of one model.
-kn_status kn_step(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output);
+// Advance the state by one time step, model->def.solver.dt_s, and store the forces on the probes in `output`. State and
+// scratch must be of this model. Several threads may step different states of one model, each with its own scratch.
+kn_status kn_step(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
+                  kn_output *output);
 
 #endif

@@ -46,9 +46,9 @@ typedef struct piece { // a piece of the contact: a sample or a held node; vecto
 } piece;
 
 // Compute the tangential velocity of the skin relative to the tool at a sample.
-static void slip_of(const kn_model *m, const kn_state *state, const kn_sample *s, double slip[3])
+static void slip_of(const kn_model *m, const kn_contact *c, const kn_state *state, const kn_sample *s, double slip[3])
 {
-    kn_six_velocity(kn_state_scratch(state)->contact.tool[s->probe].velocity, s->arm_m, slip);
+    kn_six_velocity(c->tool[s->probe].velocity, s->arm_m, slip);
     for (size_t k = 0; k < 3; k++) {
         slip[k] = -slip[k];
         for (int a = 0; a < s->nodes; a++)
@@ -94,9 +94,8 @@ static bool piece_of_hold(const kn_model *m, const kn_state *state, int p, const
 }
 
 // Get the next piece of the contact of probe p from number *at on, and advance *at. Return false if there is none.
-static bool next_piece(const kn_model *m, const kn_state *state, int p, int *at, piece *out)
+static bool next_piece(const kn_model *m, const kn_contact *c, const kn_state *state, int p, int *at, piece *out)
 {
-    const kn_contact *c = &kn_state_scratch(state)->contact;
     for (; *at < c->hold_count + c->sample_count; ++*at) {
         int i = *at - c->hold_count;
         if (i < 0 ? piece_of_hold(m, state, p, &c->hold[*at], out) : piece_of_sample(m, p, &c->sample[i], out))
@@ -110,13 +109,13 @@ static bool next_piece(const kn_model *m, const kn_state *state, int p, int *at,
 // Sum area, normal, centre and slip over the pieces, weighted by the absolute value of the normal force. With this
 // weight, pieces that pull by adhesion do not reverse the normal, and the centre stays within the contact. Return the
 // sum of the weights.
-static double sum_up(const kn_model *m, const kn_state *state, int p, kn_touch *t)
+static double sum_up(const kn_model *m, const kn_contact *c, const kn_state *state, int p, kn_touch *t)
 {
     double sum = 0;
     piece one;
-    for (int at = 0; next_piece(m, state, p, &at, &one);) {
+    for (int at = 0; next_piece(m, c, state, p, &at, &one);) {
         double weight = fabs(one.pressing_n), slip[3] = {0};
-        if (one.sample) slip_of(m, state, one.sample, slip);
+        if (one.sample) slip_of(m, c, state, one.sample, slip);
         sum += weight;
         if (weight > 0) t->area_m2 += one.area_m2;
         t->peak_pressure_pa = fmax(t->peak_pressure_pa, one.pressing_n / one.area_m2);
@@ -169,13 +168,15 @@ static void map_piece(const kn_touch_face *face, const double turn[3][3], piece 
             t->pressure_pa[i][j] += pressure * up.share[i] * across.share[j];
 }
 
-void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch *touch)
+bool kn_touch_read(const kn_model *model, const kn_state *state, const kn_scratch *scratch, int p, kn_touch *touch)
 {
-    const double(*turn)[3] = (const double(*)[3])kn_state_scratch(state)->contact.tool[p].turn;
+    const kn_contact *contact = kn_scratch_contact(scratch, state);
     memset(touch, 0, sizeof *touch);
-    if (state->bad || !state->probe[p].attached) return;
-    double sum = sum_up(model, state, p, touch);
-    if (!(sum > 0)) return;
+    if (!contact) return false;
+    if (!state->probe[p].attached) return true;
+    double sum = sum_up(model, contact, state, p, touch);
+    if (!(sum > 0)) return true;
+    const double(*turn)[3] = (const double(*)[3])contact->tool[p].turn;
     // divide the sums by the weights, and rotate them into the tool frame
     into_tool(turn, 1 / sum, touch->centre_m);
     into_tool(turn, 1 / sum, touch->slip_velocity_m_s);
@@ -191,15 +192,17 @@ void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch
     kn_touch_face face;
     piece one;
     kn_touch_face_of(model, p, touch->normal, &face);
-    for (int at = 0; next_piece(model, state, p, &at, &one);) map_piece(&face, turn, &one, touch);
+    for (int at = 0; next_piece(model, contact, state, p, &at, &one);) map_piece(&face, turn, &one, touch);
+    return true;
 }
 
 // --- nodes ----------------------------------------------------------------------------------------------------------
 
-void kn_touch_nodes(const kn_model *m, const kn_state *state, double (*force_n)[3])
+bool kn_touch_nodes(const kn_model *m, const kn_state *state, const kn_scratch *scratch, double (*force_n)[3])
 {
-    const kn_contact *c = &kn_state_scratch(state)->contact;
+    const kn_contact *c = kn_scratch_contact(scratch, state);
     memset(force_n, 0, (size_t)m->node_count * sizeof *force_n);
+    if (!c) return false;
     // add the forces of plates on held nodes, then the forces of tools on samples
     for (const kn_held_node *hold = c->hold; hold < c->hold + c->hold_count; hold++)
         for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= hold->lowest_n; k++)
@@ -207,4 +210,5 @@ void kn_touch_nodes(const kn_model *m, const kn_state *state, double (*force_n)[
     for (const kn_sample *s = c->sample; s < c->sample + c->sample_count; s++)
         for (int a = 0; a < s->nodes && s->probe != KN_TABLE && s->line.active; a++)
             for (int k = 0; k < 3; k++) force_n[s->node[a]][k] += s->weight[a] * s->force_n[k];
+    return true;
 }

@@ -49,13 +49,14 @@ typedef struct kn_touch_face {
 // Compute the face of probe p that is perpendicular to a unit normal in the tool frame. Real-time safe.
 void kn_touch_face_of(const kn_model *model, int p, const double normal[3], kn_touch_face *face);
 
-// Read the touch patch of probe p after a kn_step with this state. A copy of a state has no contact, because the
-// contact is in the scratch. Real-time safe: two passes over the contact's samples.
-void kn_touch_read(const kn_model *model, const kn_state *state, int p, kn_touch *touch);
+// Read the touch patch of probe p after a kn_step with this state and this scratch. Return false, with a patch of
+// zeros, if the last step with the scratch was of another state, or if the state has diverged or changed since.
+// Real-time safe: two passes over the contact's samples.
+bool kn_touch_read(const kn_model *model, const kn_state *state, const kn_scratch *scratch, int p, kn_touch *touch);
 
 // Store the force of all tools together on each node in the last step, N: force_n[node_count]. A sample's force goes to
 // its nodes by their weights. So the sum over all nodes is the opposite of the force on the tools. Forces of the table
-// are not included. Real-time safe.
-void kn_touch_nodes(const kn_model *model, const kn_state *state, double (*force_n)[3]);
+// are not included. Return false, with zeros, where kn_touch_read does. Real-time safe.
+bool kn_touch_nodes(const kn_model *model, const kn_state *state, const kn_scratch *scratch, double (*force_n)[3]);
 
 #endif

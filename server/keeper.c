@@ -18,7 +18,7 @@ static void rest(void) { kn_clock_sleep(kn_now_ns() + poll_ns); }
 
 size_t kn_keeper_bytes(const kn_model *model, bool saves)
 {
-    return kn_undo_bytes(model) + (saves ? 3 * kn_state_kept(model) + kn_saved_size_max(model) : 0);
+    return kn_undo_bytes(model) + (saves ? 3 * kn_state_size(model) + kn_saved_size_max(model) : 0);
 }
 
 int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
@@ -32,7 +32,7 @@ int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *sce
     // Allocate all memory now: the undo points, two slots and the snapshot to restore.
     bool fits = kn_undo_init(&k->undo, model);
     kn_saved *saved[] = {&k->slot[0].saved, &k->slot[1].saved, &k->incoming};
-    for (int i = 0; directory && i < 3; i++) fits &= (saved[i]->state = kn_state_keep(model)) != NULL;
+    for (int i = 0; directory && i < 3; i++) fits &= (saved[i]->state = kn_state_create(model)) != NULL;
     if (fits) return 0;
     snprintf(error, error_size, "not enough memory for undo points and snapshots");
     return 3;

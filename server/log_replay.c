@@ -212,7 +212,7 @@ static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *erro
     v->saved.servo = r->servo;
     bool fits = !v->found.undoes || kn_undo_init(&v->undo, r->model);
     if (v->found.undoes && fits) r->servo.undo = &v->undo;
-    if (def->snapshot_path) fits &= (v->saved.state = kn_state_keep(r->model)) != NULL;
+    if (def->snapshot_path) fits &= (v->saved.state = kn_state_create(r->model)) != NULL;
     if (fits) return check_restores(r, def, error, error_size);
     return kn_refuse(error, error_size, "%s: not enough memory", def->log_path);
 }

@@ -185,7 +185,8 @@ static void queue_touches(kn_loop *loop, const kn_tick_record *record)
         const kn_force *f = &record->out.force[p];
         kn_touch_patch touched = {.utime = record->utime, .session = f->session, .pose_seq = f->seq, .probe = p};
         if (!f->live) continue;
-        kn_touch_read(loop->servo.model, backend->state(backend->self), p, &touched.touch);
+        kn_touch_read(loop->servo.model, backend->state(backend->self), backend->scratch(backend->self), p,
+                      &touched.touch);
         kn_ring_push(&loop->touches, &touched);
     }
     if (loop->notify) loop->notify(loop->notify_arg);
@@ -201,7 +202,7 @@ static void audit_energy(kn_loop *loop, const kn_tick_record *record)
 {
     kn_backend *backend = loop->servo.backend;
     if (record->out.replaced) kn_audit_restart(loop->audit);
-    kn_audit_tick(loop->audit, backend->state(backend->self));
+    kn_audit_tick(loop->audit, backend->state(backend->self), backend->scratch(backend->self));
 }
 
 static void leave_copy(kn_loop *loop, const kn_tick_record *record)

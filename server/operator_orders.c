@@ -77,18 +77,18 @@ void kn_orders_done(kn_orders *orders, int64_t taken, const kn_tick_in *in, cons
 // Return the number of undo points that fit into KN_UNDO_BYTES, 1 .. KN_UNDO_POINTS.
 static int room_of(const kn_model *model)
 {
-    size_t room = KN_UNDO_BYTES / kn_state_kept(model);
+    size_t room = KN_UNDO_BYTES / kn_state_size(model);
     return room < 1 ? 1 : room > KN_UNDO_POINTS ? KN_UNDO_POINTS : (int)room;
 }
 
-size_t kn_undo_bytes(const kn_model *model) { return (size_t)room_of(model) * kn_state_kept(model); }
+size_t kn_undo_bytes(const kn_model *model) { return (size_t)room_of(model) * kn_state_size(model); }
 
 bool kn_undo_init(kn_undo *undo, const kn_model *model)
 {
     *undo = (kn_undo){.model = model, .room = room_of(model)};
     // allocate all points now, because the servo saves them in its tick, where it must not allocate
     bool fits = true;
-    for (int i = 0; i < undo->room; i++) fits &= (undo->point[i] = kn_state_keep(model)) != NULL;
+    for (int i = 0; i < undo->room; i++) fits &= (undo->point[i] = kn_state_create(model)) != NULL;
     if (!fits) kn_undo_free(undo);
     return fits;
 }

@@ -99,7 +99,7 @@ static const char *build(kn_scene_change *c, const kn_scene *now, const kn_model
     if (wrong) return wrong;
     kn_coupling coupling = {c->scene->device.coupling_n_m, c->scene->device.coupling_n_s_m};
     // Allocate everything that the servo will need, because a tick must not allocate.
-    bool fits = kn_backend_cpu(&c->backend, c->model) && (c->carried = kn_state_keep(c->model)) &&
+    bool fits = kn_backend_cpu(&c->backend, c->model) && (c->carried = kn_state_create(c->model)) &&
                 (!identify || kn_backend_cpu_identify(&c->backend, coupling));
     // Only the implicit solver has an energy audit.
     bool audits = c->scene->model.solver.kind == KN_SOLVER_IMPLICIT;

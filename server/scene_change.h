@@ -43,7 +43,7 @@ typedef struct kn_scene_change {
     // Number of units of work that a step may take in the new model (kn_served_object_deadline); 0: unchanged.
     int64_t deadline;
     kn_settings settings; // settings made at run time: with them, the scene of the server's start becomes `scene`
-    // The object's state in the new model, as of the tick that adopted the change; without solver scratch.
+    // The object's state in the new model, as of the tick that adopted the change.
     kn_state *carried;
 } kn_scene_change;
 

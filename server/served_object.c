@@ -120,7 +120,7 @@ static bool build(kn_served_object *s, const kn_served_object_def *def, int *cod
         return kn_refuse(error, error_size, "%s:%d:%d: %s", def->scene_path, s->scene->solver_line,
                          s->scene->solver_col, why);
     // check that the state, and its copies for undo, snapshots and mesh, fit into memory
-    size_t bytes = s->model->state_bytes + kn_state_kept(s->model) + kn_keeper_bytes(s->model, def->state_dir) +
+    size_t bytes = 2 * kn_state_size(s->model) + kn_scratch_size(s->model) + kn_keeper_bytes(s->model, def->state_dir) +
                    kn_skin_bytes(s->scene, s->model);
     if (!check_memory(bytes, "the object's state and its copies", def->scene_path, error, error_size)) return false;
     // a circuit's queue of ticks may use the rest of the memory

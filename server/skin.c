@@ -30,7 +30,7 @@ static knead_mesh_init_t topology_message(const kn_skin *skin, int64_t utime)
 size_t kn_skin_bytes(const kn_scene *scene, const kn_model *model)
 {
     const size_t values = 2 * (sizeof(double) + sizeof(float)) * (size_t)model->node_count;
-    return scene->mesh_measures ? 3 * kn_state_kept(model) + kn_gauge_bytes(model) + values : 0;
+    return scene->mesh_measures ? 3 * kn_state_size(model) + kn_gauge_bytes(model) + values : 0;
 }
 
 // Allocate the three frames of the mailbox, each on its own cache lines.
@@ -43,7 +43,7 @@ static bool open_frames(kn_skin *skin)
     kn_mailbox_init(&skin->frames, skin->memory, bytes);
     for (int i = 0; skin->measures && i < 3; i++) {
         kn_skin_frame *frame = skin->frames.slot[i];
-        frame->state = kn_state_keep(skin->model);
+        frame->state = kn_state_create(skin->model);
         if (!frame->state) return false;
     }
     return true;

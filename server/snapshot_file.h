@@ -25,7 +25,7 @@ typedef struct kn_saved {
     int64_t generation; // generation, that is, number of the snapshot file: 1, 2, ...
     int64_t tick;       // last tick executed before the state was saved
     int64_t utime;      // time of the tick `tick`, us since 1970
-    kn_state *state;    // state of the object, without solver scratch (kn_state_keep); owned by the caller
+    kn_state *state;    // state of the object; owned by the caller
     kn_servo servo;     // the servo without its pointers: safety, poses, clutches, quality, counters
 } kn_saved;
 

@@ -12,6 +12,7 @@ typedef struct lattice {
     kn_scene *scene; // NULL if the object comes from no scene
     kn_model *model;
     kn_state *state;
+    kn_scratch *scratch;
     kn_input in;
     kn_output out;
 } lattice;
@@ -20,7 +21,8 @@ static inline lattice lattice_of(kn_model_def def)
 {
     lattice l = {.model = build(&def)};
     l.state = kn_state_create(l.model);
-    if (!l.state) abort();
+    l.scratch = kn_scratch_create(l.model);
+    if (!l.state || !l.scratch) abort();
     return l;
 }
 
@@ -40,12 +42,13 @@ static inline lattice object_of(const char *scene, const char *set)
 static inline void lattice_end(lattice *l)
 {
     kn_state_destroy(l->state);
+    kn_scratch_destroy(l->scratch);
     kn_model_destroy(l->model);
     kn_scene_destroy(l->scene);
 }
 #define LATTICE AT_END(lattice_end) lattice
 
-static inline void step(lattice *l) { CHECK(kn_step(l->model, l->state, &l->in, &l->out) == KN_OK); }
+static inline void step(lattice *l) { CHECK(kn_step(l->model, l->state, l->scratch, &l->in, &l->out) == KN_OK); }
 
 static inline void steps(lattice *l, int count)
 {

@@ -20,6 +20,7 @@
 OWNS(kn_scene, kn_scene_destroy)
 OWNS(kn_model, kn_model_destroy)
 OWNS(kn_state, kn_state_destroy)
+OWNS(kn_scratch, kn_scratch_destroy)
 OWNS(kn_simplices, kn_simplices_destroy)
 OWNS(kn_surface, kn_surface_destroy)
 

@@ -311,7 +311,8 @@ bool kn_lattice_object_open(kn_lattice_object *slab, const kn_scene *scene, cons
     def.probe_count = 1;
     slab->model = kn_model_build(&def, error, error_size);
     slab->state = slab->model ? kn_state_create(slab->model) : NULL;
-    if (!slab->state) {
+    slab->scratch = slab->model ? kn_scratch_create(slab->model) : NULL;
+    if (!slab->state || !slab->scratch) {
         if (slab->model) snprintf(error, error_size, "out of memory");
         kn_lattice_object_close(slab);
         return false;
@@ -325,8 +326,10 @@ bool kn_lattice_object_open(kn_lattice_object *slab, const kn_scene *scene, cons
 void kn_lattice_object_close(kn_lattice_object *slab)
 {
     kn_state_destroy(slab->state);
+    kn_scratch_destroy(slab->scratch);
     kn_model_destroy(slab->model);
     slab->state = NULL;
+    slab->scratch = NULL;
     slab->model = NULL;
 }
 
@@ -339,7 +342,7 @@ double kn_lattice_object_touch(void *self, const double position_m[3], const dou
     // Convert the height: the tool first touches the object at z = 0 in the simulated loop, but at z = touch_m in the
     // scene.
     in->position_m[2] += slab->touch_m;
-    slab->diverged |= kn_step(slab->model, slab->state, &slab->input, &slab->output) != KN_OK;
+    slab->diverged |= kn_step(slab->model, slab->state, slab->scratch, &slab->input, &slab->output) != KN_OK;
     memcpy(force_n, slab->output.probe[0].force_n, sizeof slab->output.probe[0].force_n);
     return -1.0;
 }

@@ -191,6 +191,7 @@ double kn_lumped_object_touch(void *contact, const double position_m[3], const d
 typedef struct kn_lattice_object {
     kn_model *model;
     kn_state *state;
+    kn_scratch *scratch;
     kn_input input;
     kn_output output;
     // Height [m] in the scene at which the tool just touches the middle of the object. In the simulated loop, this

@@ -97,6 +97,7 @@ typedef struct body { // what a tool presses: a lattice, or a block that stands 
     const kn_press_record *press;
     kn_model *model; // NULL: the block
     kn_state *state;
+    kn_scratch *scratch;
     kn_affine_block block;
 } body;
 
@@ -121,7 +122,7 @@ static bool move(body *b, double from_m, double to_m, double dt_s, double *force
     kn_input in = {.probe[0].attached = true};
     in.probe[0].position_m[2] = extent_m[2] + kn_tool_height_m(b->press->tool) - from_m;
     in.probe[0].velocity_m_s[2] = (from_m - to_m) / dt_s;
-    const bool good = kn_step(b->model, b->state, &in, &out) == KN_OK;
+    const bool good = kn_step(b->model, b->state, b->scratch, &in, &out) == KN_OK;
     // whole cells seldom have the area of the specimen
     const double area = kn_press_of_specimen(b->press) ? c->area_m2 / (extent_m[0] * extent_m[1]) : 1;
     *force_n = area * out.probe[0].force_n[2];
@@ -181,8 +182,10 @@ static void *work(void *of)
     if (block) kn_affine_block_init(&b.block, j->material, &specimen->structure);
     else b.model = make_model(j->fit, j->press, j->material, j->compliance_m_n, dt_s);
     b.state = b.model ? kn_state_create(b.model) : NULL;
-    j->good = (block || b.state) && press(&b, j->touch_m, j->compliance_m_n, dt_s, j->force_n);
+    b.scratch = b.model ? kn_scratch_create(b.model) : NULL;
+    j->good = (block || (b.state && b.scratch)) && press(&b, j->touch_m, j->compliance_m_n, dt_s, j->force_n);
     kn_state_destroy(b.state);
+    kn_scratch_destroy(b.scratch);
     kn_model_destroy(b.model);
     return NULL;
 }

@@ -70,28 +70,30 @@ static double height_of(const kn_model *m, const kn_state *state)
 static bool creep(const kn_model *m, const kn_curve *c, double *strain)
 {
     kn_state *state = kn_state_create(m), *trial = kn_state_create(m);
+    kn_scratch *scratch = kn_scratch_create(m);
     kn_level_plate plate = {0};
     const kn_input idle = {0};
     kn_output out;
     const double area_m2 = pow(m->def.spacing_m * (m->def.nodes[0] - 1), 2);
     double load_n = 0;
-    bool stands = state && trial;
+    const bool done = state && trial && scratch;
+    bool stands = done;
     int64_t tick = (int64_t)floor(c->step[0].time_s / STEP_S);
-    for (int i = 0, next = 0; state && trial && i < c->count; i++) {
+    for (int i = 0, next = 0; done && i < c->count; i++) {
         for (; stands && ((double)tick + 0.5) * STEP_S < c->time_s[i]; tick++) {
             while (next < c->steps && c->step[next].time_s <= ((double)tick + 0.5) * STEP_S) {
                 load_n = c->step[next++].stress_pa * area_m2;
                 kn_level_plate_lower(&plate, m, state);
             }
             if (load_n > 0)
-                stands = kn_level_plate_step(&plate, m, state, trial, load_n, &idle, &out) == KN_PLATE_CARRIED;
-            else stands = kn_step(m, state, &idle, &out) == KN_OK;
+                stands = kn_level_plate_step(&plate, m, state, trial, scratch, load_n, &idle, &out) == KN_PLATE_CARRIED;
+            else stands = kn_step(m, state, scratch, &idle, &out) == KN_OK;
         }
         strain[i] = stands ? 1 - height_of(m, state) : 1;
     }
-    const bool done = state && trial;
     kn_state_destroy(state);
     kn_state_destroy(trial);
+    kn_scratch_destroy(scratch);
     return done;
 }
 

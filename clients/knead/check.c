@@ -284,9 +284,10 @@ static void print_solver(const kn_model *model)
             warn("this processor has no fused multiply-add: "
                  "software computes it with the same bits, but far slower than real time");
     }
-    // State and model must fit into memory together. Warn if the sum of their sizes exceeds the memory of this machine.
-    double bytes = (double)model->state_bytes + (double)model_bytes(model);
-    printf("memory    state %zu bytes, model %zu bytes\n", model->state_bytes, model_bytes(model));
+    // State, scratch and model must fit into memory together. Warn if their sum exceeds the memory of this machine.
+    const size_t state = kn_state_size(model), scratch = kn_scratch_size(model);
+    double bytes = (double)state + (double)scratch + (double)model_bytes(model);
+    printf("memory    state %zu bytes, scratch %zu bytes, model %zu bytes\n", state, scratch, model_bytes(model));
     if (bytes > (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE))
         warn("the object needs more memory than this machine has");
 }
@@ -486,7 +487,8 @@ static void tell_result(const kn_scene *scene, const kn_model *model)
     kn_result_number(to, "dt_s", s->dt_s);
     kn_result_number(to, "usual_us", stepped ? kn_tick_cost_us(model, &own, false) : NAN);
     kn_result_number(to, "cap_us", stepped ? kn_tick_cost_us(model, &own, true) : NAN);
-    kn_result_integer(to, "state_bytes", (int64_t)model->state_bytes);
+    kn_result_integer(to, "state_bytes", (int64_t)kn_state_size(model));
+    kn_result_integer(to, "scratch_bytes", (int64_t)kn_scratch_size(model));
     kn_result_integer(to, "model_bytes", (int64_t)model_bytes(model));
     kn_result_text(to, "device", scene->device.name);
     kn_result_number(to, "mesh_hz", scene->mesh_hz);

@@ -356,8 +356,12 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
 // Create a moment (kn_moment) from the present state of the replay and the forces on the tools.
 static kn_moment moment_of(kn_replay *r)
 {
-    kn_moment m = {
-        .model = kn_replay_model(r), .models = r->changes, .state = kn_replay_state(r), .time_s = r->tick.time_s};
+    const kn_backend *backend = r->servo.backend;
+    kn_moment m = {.model = kn_replay_model(r),
+                   .models = r->changes,
+                   .state = kn_replay_state(r),
+                   .scratch = backend->scratch(backend->self),
+                   .time_s = r->tick.time_s};
     for (int p = 0; p < r->tick.out.probes; p++)
         if (r->tick.out.force[p].live) m.tool[p] = &r->tick.out.force[p];
     return m;

@@ -407,8 +407,7 @@ static void read_nodes(kn_paraview *p, const kn_moment *m)
     kn_gauge_read(p->gauge, m->state, KN_MEASURE_STRESS, p->measure);
     for (int i = 0; i < model->node_count; i++) p->stress[i] = (float)p->measure[i];
     kn_gauge_read(p->gauge, m->state, KN_MEASURE_RESIDUAL, p->measure);
-    // Contact forces are known only while the state has its solver scratch.
-    if (m->state->scratch) kn_touch_nodes(model, m->state, p->contact);
+    if (m->scratch) kn_touch_nodes(model, m->state, m->scratch, p->contact);
     for (int i = 0; i < model->node_count; i++) {
         double x[3], v[3];
         p->residual[i] = (float)p->measure[i];
@@ -459,7 +458,7 @@ static bool write_object(kn_paraview *p, const kn_moment *m, char *error, size_t
     v.point[v.point_arrays++] = (kn_vtu_array){"velocity_m_s", 3, p->velocity[0]};
     v.point[v.point_arrays++] = (kn_vtu_array){"von_mises_stress_pa", 1, p->stress};
     v.point[v.point_arrays++] = (kn_vtu_array){"residual_strain", 1, p->residual};
-    if (m->state->scratch) v.point[v.point_arrays++] = (kn_vtu_array){"contact_force_n", 3, p->force[0]};
+    v.point[v.point_arrays++] = (kn_vtu_array){"contact_force_n", 3, p->force[0]};
     if (solid) v.cell[v.cell_arrays++] = (kn_vtu_array){"volume_ratio", 1, p->ratio};
     return write_one(p, p->object, &v, 0, "object", "", error, size);
 }

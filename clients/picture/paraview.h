@@ -24,8 +24,9 @@
 // Moment: state of the object and its tools at one time. The caller owns all objects to which the pointers refer.
 typedef struct kn_moment {
     const kn_model *model;
-    int models;            // running number of the model; two models can have the same address, but not the same number
-    const kn_state *state; // contact forces of the nodes are exported only if `state` has its solver scratch
+    int models; // running number of the model; two models can have the same address, but not the same number
+    const kn_state *state;
+    const kn_scratch *scratch; // scratch of the last step, for the contact forces; NULL: nothing touches the object
     double time_s;
     const kn_force *tool[KN_PROBES_MAX]; // pose and forces of the tool of each probe; NULL: no hand holds this tool
 } kn_moment;

@@ -132,7 +132,9 @@ static int make_states(kn_rheometer *b)
 {
     b->lattice = kn_state_create(b->model);
     b->trial = kn_state_create(b->model);
-    return b->lattice && b->trial ? KN_EXIT_OK : kn_complain(b->opt->subcommand, KN_EXIT_DEVICE, "out of memory");
+    b->scratch = kn_scratch_create(b->model);
+    return b->lattice && b->trial && b->scratch ? KN_EXIT_OK
+                                                : kn_complain(b->opt->subcommand, KN_EXIT_DEVICE, "out of memory");
 }
 
 static int build_lattice(kn_rheometer *b, const kn_model_def *scene)
@@ -241,6 +243,7 @@ void kn_rheometer_close(kn_rheometer *b)
 {
     kn_state_destroy(b->lattice);
     kn_state_destroy(b->trial);
+    kn_scratch_destroy(b->scratch);
     kn_model_destroy(b->model);
 }
 
@@ -256,6 +259,7 @@ int kn_rheometer_time_step(kn_rheometer *b, double span_s, int steps)
     def.solver.dt_s = dt_s;
     kn_rheometer_close(b);
     b->lattice = b->trial = NULL;
+    b->scratch = NULL;
     if (!(b->model = kn_model_build(&def, error, sizeof error)))
         return kn_complain(b->opt->subcommand, KN_EXIT_USAGE, "--lattice: %s", error);
     return make_states(b);
@@ -337,7 +341,7 @@ static int step_lattice(kn_rheometer *b)
     bool good;
     if (d->kind != KN_DRIVE_STRAIN && load_n > 0) {
         const kn_plate_status status =
-            kn_level_plate_step(&b->plate, b->model, b->lattice, b->trial, load_n, &in, &out);
+            kn_level_plate_step(&b->plate, b->model, b->lattice, b->trial, b->scratch, load_n, &in, &out);
         b->flat = status == KN_PLATE_FLAT;
         if (b->flat) return KN_EXIT_OK;
         good = status == KN_PLATE_CARRIED;
@@ -348,7 +352,7 @@ static int step_lattice(kn_rheometer *b)
             in.probe[0].position_m[2] = KN_RHEOMETER_HEIGHT_M * (1 - now);
             in.probe[0].velocity_m_s[2] = KN_RHEOMETER_HEIGHT_M * (now - next) / dt_s;
         }
-        good = kn_step(b->model, b->lattice, &in, &out) == KN_OK;
+        good = kn_step(b->model, b->lattice, b->scratch, &in, &out) == KN_OK;
     }
     b->step++;
     b->time_s = (double)b->step * dt_s;

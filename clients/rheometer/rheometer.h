@@ -59,6 +59,7 @@ typedef struct kn_rheometer {
     kn_model *model;   // lattice model of the specimen; NULL: the specimen is one element
     bool lattice_runs; // the experiment runs on the lattice, not on the element
     kn_state *lattice, *trial;
+    kn_scratch *scratch;
     kn_level_plate plate; // plate of the lattice while it carries a load
     bool flat;            // the plate has squeezed the lattice flat: the time and the readings stay as they are
     int64_t step;

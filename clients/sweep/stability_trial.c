@@ -136,7 +136,8 @@ static bool finite_shape(const trace *t, int which)
 }
 
 // Step through the trial and record it. substeps: steps of the solver in one step of the trial.
-static void follow(const kn_stability_trial *t, const kn_model *m, kn_state *s, int substeps, trace *out)
+static void follow(const kn_stability_trial *t, const kn_model *m, kn_state *s, kn_scratch *scratch, int substeps,
+                   trace *out)
 {
     double dt = m->def.solver.dt_s;
     if (t->squeezed != 1) squeeze(t, m, s);
@@ -144,7 +145,7 @@ static void follow(const kn_stability_trial *t, const kn_model *m, kn_state *s, 
         for (int k = 0; k < substeps; k++) {
             kn_input in = input_at(t, m, (i * substeps + k + 1) * dt, dt);
             kn_output now;
-            out->diverged |= kn_step(m, s, &in, &now) != KN_OK;
+            out->diverged |= kn_step(m, s, scratch, &in, &now) != KN_OK;
             out->loose |= now.passes == REFERENCE_PASSES;
             // Average the forces over the substeps, but take the displacement of the top from the last substep.
             if (m->def.probe_count > 0 || k == substeps - 1) read_sample(m, s, &now, out->way[i]);
@@ -191,13 +192,15 @@ static bool run(const kn_stability_trial *t, const kn_model_def *def, int subste
         return true;
     }
     kn_state *s = kn_state_create(m);
+    kn_scratch *scratch = kn_scratch_create(m);
     out->nodes = m->node_count;
     out->way = calloc((size_t)t->steps, sizeof *out->way);
     for (int i = 0; i < 2; i++) out->shape[i] = calloc((size_t)m->node_count, sizeof *out->shape[i]);
-    bool ok = s && out->way && out->shape[0] && out->shape[1];
-    if (ok) follow(t, m, s, substeps, out);
+    bool ok = s && scratch && out->way && out->shape[0] && out->shape[1];
+    if (ok) follow(t, m, s, scratch, substeps, out);
     if (ok) average(t, out);
     kn_state_destroy(s);
+    kn_scratch_destroy(scratch);
     kn_model_destroy(m);
     return ok;
 }

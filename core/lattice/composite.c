@@ -375,12 +375,6 @@ static void gather_blocks(const kn_model *m, const kn_work *w, int part)
     else gather_blocks_double(m->composite, m->stride, w->p, w->whole, part);
 }
 
-// A view of one part: a state and solver memory whose pointers lead to the rows of this part.
-typedef struct view {
-    kn_state state;
-    kn_work work;
-} view;
-
 // Return the address of a part's first row in a field.
 static void *rows_from(const kn_model *m, void *field, int components, int row)
 {
@@ -388,15 +382,22 @@ static void *rows_from(const kn_model *m, void *field, int components, int row)
     return field ? (char *)field + reals * kn_model_real(m) : NULL;
 }
 
-// Point the view `v` to the rows of one part.
-static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
+// Return a state whose fields lead to the rows of one part.
+static kn_state state_of(const kn_model *m, const kn_state *state, int part)
 {
-    const kn_work *w = kn_state_work(state);
     const int row = m->composite->row_first[part];
-#define KN_FIELD(name, components) v->state.name = rows_from(m, state->name, components, row);
+    kn_state view;
+#define KN_FIELD(name, components) view.name = rows_from(m, state->name, components, row);
     KN_STATE_FIELDS(KN_FIELD)
 #undef KN_FIELD
-    v->work = (kn_work){
+    return view;
+}
+
+// Return solver vectors that lead to the rows of one part.
+static kn_work work_of(const kn_model *m, const kn_work *w, int part)
+{
+    const int row = m->composite->row_first[part];
+    return (kn_work){
         .guess = rows_from(m, w->guess, 3, row),
         .r = rows_from(m, w->r, 3, row),
         .q = rows_from(m, w->q, 3, row),
@@ -409,7 +410,6 @@ static void view_of(const kn_model *m, const kn_state *state, int part, view *v)
         .row_held = w->row_held + row,
         .row_moved = w->row_moved + row,
     };
-    v->state.scratch = &v->work;
 }
 
 // Set the guessed velocity of every tied node to the mean of its masters' velocities. If the row of a master is marked
@@ -426,17 +426,16 @@ static void follow(const kn_model *m, const kn_work *w)
 
 // Run the edge pass part by part, from the last part to the first. The masters of a part's tied nodes are in earlier
 // parts. The sums of the tied nodes must be added to the masters before the masters' rows are finished.
-static double edge(const kn_model *m, kn_state *state, kn_linearization how, bool again)
+static double edge(const kn_model *m, kn_state *state, const kn_work *w, kn_linearization how, bool again)
 {
     const kn_composite *c = m->composite;
-    const kn_work *w = kn_state_work(state);
     double rz = 0;
-    view v;
     follow(m, w);
     // every part adds the forces and diagonal blocks of its tied nodes to the masters in earlier parts
     for (int p = c->part_count - 1; p >= 0; p--) {
-        view_of(m, state, p, &v);
-        rz += c->inside->edge(&c->part[p], &v.state, how, again);
+        kn_state part = state_of(m, state, p);
+        const kn_work work = work_of(m, w, p);
+        rz += c->inside->edge(&c->part[p], &part, &work, how, again);
         gather(m, w->r, p);
         gather_blocks(m, w, p);
     }
@@ -444,56 +443,54 @@ static double edge(const kn_model *m, kn_state *state, kn_linearization how, boo
 }
 
 // Run the kernel `recall` of kernel.h part by part.
-static double recall(const kn_model *m, kn_state *state)
+static double recall(const kn_model *m, const kn_state *state, const kn_work *w)
 {
     const kn_composite *c = m->composite;
     double rz = 0;
-    view v;
     for (int p = 0; p < c->part_count; p++) {
-        view_of(m, state, p, &v);
-        rz += c->inside->recall(&c->part[p], &v.state);
+        kn_state part = state_of(m, state, p);
+        const kn_work work = work_of(m, w, p);
+        rz += c->inside->recall(&c->part[p], &part, &work);
     }
     return rz;
 }
 
-static double apply(const kn_model *m, kn_state *state, double beta)
+static double apply(const kn_model *m, const kn_state *state, const kn_work *w, double beta)
 {
     const kn_composite *c = m->composite;
     double dq = 0;
-    view v;
     // copy the search direction of the masters to their tied nodes; `update` adds the products q of tied nodes to their
     // masters
-    spread(m, kn_state_work(state)->z);
+    spread(m, w->z);
     for (int p = 0; p < c->part_count; p++) {
-        view_of(m, state, p, &v);
-        dq += c->inside->apply(&c->part[p], &v.state, beta);
+        kn_state part = state_of(m, state, p);
+        const kn_work work = work_of(m, w, p);
+        dq += c->inside->apply(&c->part[p], &part, &work, beta);
     }
     return dq;
 }
 
-static double update(const kn_model *m, kn_state *state, double alpha)
+static double update(const kn_model *m, const kn_work *w, double alpha)
 {
     const kn_composite *c = m->composite;
-    const kn_work *w = kn_state_work(state);
     double rz = 0;
-    view v;
     // add the products of tied nodes to their masters
     gather_all(m, w->q);
     if (alpha == 0) gather_all(m, w->r); // alpha 0: contact has changed the residual r at tied nodes, too
     for (int p = 0; p < c->part_count; p++) {
-        view_of(m, state, p, &v);
-        rz += c->inside->update(&c->part[p], &v.state, alpha);
+        const kn_work work = work_of(m, w, p);
+        rz += c->inside->update(&c->part[p], &work, alpha);
     }
     return rz;
 }
 
-static void integrate(const kn_model *m, kn_state *state)
+static void integrate(const kn_model *m, kn_state *state, const kn_work *w)
 {
     const kn_composite *c = m->composite;
-    view v;
     for (int p = 0; p < c->part_count; p++) {
-        view_of(m, state, p, &v);
-        c->inside->integrate(&c->part[p], &v.state);
+        kn_state part = state_of(m, state, p);
+        const kn_work work = work_of(m, w, p);
+        c->inside->integrate(&c->part[p], &part, &work);
     }
     // tied nodes have moved like their masters except for rounding: copy the masters' values again, so that rounding
     // does not accumulate

@@ -428,7 +428,7 @@ kn_audit *kn_audit_create(const kn_model *model)
         free(a);
         return NULL;
     }
-    a->copy = kn_state_keep(model);
+    a->copy = kn_state_create(model);
     a->at_once = 2 * (a->lattice.springs.count + model->node_count + a->lattice.cells) / KN_AUDIT_TICKS + 1;
     if (a->copy) return a;
     kn_audit_destroy(a);
@@ -458,11 +458,10 @@ static void book_work(kn_audit *a, const kn_state *state)
 }
 
 // Return the most energy that contact may give back, J: for every active sample, half of force times deflection.
-static double in_contact(const kn_state *state)
+static double in_contact(const kn_contact *c)
 {
-    const kn_contact *c = &kn_state_scratch(state)->contact;
     double most = 0;
-    for (int i = 0; i < c->sample_count; i++) {
+    for (int i = 0; c && i < c->sample_count; i++) {
         const kn_sample *s = &c->sample[i];
         if (!s->line.active) continue;
         double pressing = fabs(s->pressing_n), side[3], square = 0;
@@ -519,7 +518,7 @@ static void judge(kn_audit *a)
 
 void kn_audit_follow(kn_audit *next, const kn_audit *last) { next->news = last->news; }
 
-void kn_audit_tick(kn_audit *audit, const kn_state *state)
+void kn_audit_tick(kn_audit *audit, const kn_state *state, const kn_scratch *scratch)
 {
     kn_audit *a = audit;
     // if the state's tick has gone back, the state was reset
@@ -530,7 +529,7 @@ void kn_audit_tick(kn_audit *audit, const kn_state *state)
     // copy the state once in KN_AUDIT_TICKS ticks, then sum the copy over the following ticks
     if (a->ticks++ % KN_AUDIT_TICKS == 0 && !a->summing) {
         kn_state_copy(a->lattice.model, a->copy, state);
-        a->now.contact_j = in_contact(state);
+        a->now.contact_j = in_contact(kn_scratch_contact(scratch, state));
         a->taken = a->now;
         a->sum = (sum){0};
         a->summing = true;

@@ -135,7 +135,7 @@ void kn_audit_follow(kn_audit *next, const kn_audit *last);
 // Continue the audit after a tick. Call after every tick, also after a tick that reset the object. Real-time safe: one
 // call in KN_AUDIT_TICKS copies the state. Each of the other calls sums the energy of some edges, nodes or cells of the
 // copy.
-void kn_audit_tick(kn_audit *audit, const kn_state *state);
+void kn_audit_tick(kn_audit *audit, const kn_state *state, const kn_scratch *scratch);
 
 const kn_audit_news *kn_audit_read(const kn_audit *audit);
 

@@ -529,9 +529,10 @@ int kn_ahead_places(const kn_ahead *s, const kn_state *state, int most, kn_place
 
 struct kn_mobility {
     const kn_model *model;
-    // state of the undeformed object: its scratch holds the matrix and the solver's vectors, and its field `change`
-    // holds the pattern of forces
+    // state of the undeformed object, whose field `change` holds the pattern of forces; scratch for the matrix and the
+    // solver's vectors
     kn_state *rest;
+    kn_scratch *scratch;
     void *field[KN_PROBES_MAX]; // solution z of the last solve for each probe
     bool warm[KN_PROBES_MAX];
     int probe, left;
@@ -552,8 +553,8 @@ static void hold_table(kn_mobility *m)
     for (int i = 0; i < model->base_count; i++) {
         if (model->rest_m[model->base[i]][2] > 0.1 * model->def.spacing_m) continue;
         size_t o = model->offset[model->base[i]];
-        kn_state_scratch(m->rest)->work.row_held[o / (3 * model->stride)] = 1;
-        for (size_t k = 0; k < 3; k++) kn_real_set(model, kn_state_work(m->rest)->free, o + k * model->stride, 0);
+        m->scratch->work.row_held[o / (3 * model->stride)] = 1;
+        for (size_t k = 0; k < 3; k++) kn_real_set(model, m->scratch->work.free, o + k * model->stride, 0);
     }
 }
 
@@ -562,12 +563,12 @@ static void hold_table(kn_mobility *m)
 static void assemble(kn_mobility *m)
 {
     const kn_model *model = m->model;
-    kn_work *w = kn_state_work(m->rest);
+    kn_work *w = &m->scratch->work;
     hold_table(m);
     memset(w->guess, 0, kn_state_field(model, 3));
     memset(w->r, 0, kn_state_field(model, 3));
     memset(w->p, 0, kn_state_field(model, 6));
-    model->kernels->edge(model, m->rest, KN_LINEARIZATION_TANGENT, false);
+    model->kernels->edge(model, m->rest, &m->scratch->work, KN_LINEARIZATION_TANGENT, false);
     // Multiply the stiffness by S. Divide it by the law's slope at rest, which is below 1 because the dampers flow. For
     // a block in f64, w->g holds one real per edge, which is proportional to the stiffness. Otherwise it holds a vector
     // per edge, whose length is the root of the stiffness.
@@ -584,7 +585,8 @@ kn_mobility *kn_mobility_create(const kn_model *model)
     if (!m) return NULL;
     m->model = model;
     m->rest = kn_state_create(model);
-    bool made = m->rest != NULL;
+    m->scratch = kn_scratch_create(model);
+    bool made = m->rest && m->scratch;
     for (int p = 0; p < model->def.probe_count; p++)
         made &= (m->field[p] = calloc(1, kn_state_field(model, 3))) != NULL;
     if (made) {
@@ -599,6 +601,7 @@ void kn_mobility_destroy(kn_mobility *m)
 {
     if (!m) return;
     kn_state_destroy(m->rest);
+    kn_scratch_destroy(m->scratch);
     for (int p = 0; p < KN_PROBES_MAX; p++) free(m->field[p]);
     free(m);
 }
@@ -613,7 +616,7 @@ void kn_mobility_begin(kn_mobility *m, int p)
 void kn_mobility_load(kn_mobility *m, size_t offset, const double force_n[3])
 {
     for (size_t k = 0; k < 3; k++)
-        if (kn_real_get(m->model, kn_state_work(m->rest)->free, offset + k * m->model->stride) != 0)
+        if (kn_real_get(m->model, m->scratch->work.free, offset + k * m->model->stride) != 0)
             kn_real_add(m->model, m->rest->change, offset + k * m->model->stride, force_n[k]);
 }
 
@@ -629,17 +632,17 @@ static double product(const kn_model *m, const void *a, const void *b)
 void kn_mobility_start(kn_mobility *m)
 {
     const kn_model *model = m->model;
-    kn_work *w = kn_state_work(m->rest);
+    kn_work *w = &m->scratch->work;
     // first compute P b, the preconditioned load; b.P b sets the threshold at which the solve ends
     memcpy(w->r, m->rest->change, kn_state_field(model, 3));
     memset(w->guess, 0, kn_state_field(model, 3));
     memset(w->d, 0, kn_state_field(model, 3));
     memset(w->q, 0, kn_state_field(model, 3));
-    m->enough = ENOUGH * ENOUGH * fabs(model->kernels->update(model, m->rest, 0)); // z = P b
+    m->enough = ENOUGH * ENOUGH * fabs(model->kernels->update(model, &m->scratch->work, 0)); // z = P b
     // then subtract the matrix product with the last solution, which becomes the first guess
     memcpy(w->z, m->field[m->probe], kn_state_field(model, 3));
-    model->kernels->apply(model, m->rest, 0);
-    m->rz = model->kernels->update(model, m->rest, 1);
+    model->kernels->apply(model, m->rest, &m->scratch->work, 0);
+    m->rz = model->kernels->update(model, &m->scratch->work, 1);
     m->beta = 0;
     m->left = m->warm[m->probe] ? WARM : COLD;
 }
@@ -648,7 +651,7 @@ void kn_mobility_start(kn_mobility *m)
 // zero.
 static bool finish(kn_mobility *m, double *a_n_s_per_m)
 {
-    kn_work *w = kn_state_work(m->rest);
+    kn_work *w = &m->scratch->work;
     double y = SLOWER * product(m->model, m->rest->change, w->guess);
     bool good = isfinite(y) && y > 0;
     if (good) memcpy(m->field[m->probe], w->guess, kn_state_field(m->model, 3));
@@ -662,9 +665,9 @@ bool kn_mobility_iterate(kn_mobility *m, double *a_n_s_per_m)
 {
     // one iteration of conjugate gradients with the step's own kernels
     if (m->left-- <= 0 || !(m->rz > m->enough)) return finish(m, a_n_s_per_m);
-    double dq = m->model->kernels->apply(m->model, m->rest, m->beta);
+    double dq = m->model->kernels->apply(m->model, m->rest, &m->scratch->work, m->beta);
     if (!(dq > 0)) return finish(m, a_n_s_per_m);
-    double next = m->model->kernels->update(m->model, m->rest, m->rz / dq);
+    double next = m->model->kernels->update(m->model, &m->scratch->work, m->rz / dq);
     m->beta = next / m->rz;
     m->rz = next;
     return false;

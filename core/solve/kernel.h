@@ -15,7 +15,7 @@
 // holds the node. So the contact force needs no extra work.
 #include "core/state.h"
 
-// Solver vectors in the scratch part of a state, in the model's precision. Before a call of the kernel `edge`, r and P
+// Solver vectors of a step, part of the scratch, in the model's precision. Before a call of the kernel `edge`, r and P
 // must be zero or contain only contact terms. Before a call of the kernel `apply`, q must be zero.
 typedef struct kn_work {
     // a leading (3) or (6) is the number of components per node
@@ -47,11 +47,11 @@ typedef struct kn_kernels {
     void (*tables_build)(const kn_model *model, void *tables);
     // Linearise the law of every edge around the guess, fill r, g, P and z, and return r.z. `again`: this is a further
     // linearisation in the step, so the edges' strains do not advance.
-    double (*edge)(const kn_model *model, kn_state *state, kn_linearization how, bool again);
-    double (*recall)(const kn_model *model, kn_state *state);
-    double (*apply)(const kn_model *model, kn_state *state, double beta);
-    double (*update)(const kn_model *model, kn_state *state, double alpha);
-    void (*integrate)(const kn_model *model, kn_state *state);
+    double (*edge)(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how, bool again);
+    double (*recall)(const kn_model *model, const kn_state *state, const kn_work *work);
+    double (*apply)(const kn_model *model, const kn_state *state, const kn_work *work, double beta);
+    double (*update)(const kn_model *model, const kn_work *work, double alpha);
+    void (*integrate)(const kn_model *model, kn_state *state, const kn_work *work);
 } kn_kernels;
 
 // Choose model->isa and model->kernels for the model's definition. Return false if this processor lacks the requested
@@ -72,8 +72,6 @@ static inline int kn_work_edge(const kn_model *m)
 {
     return m->def.mesh || m->def.solver.precision == KN_PRECISION_F32 ? 3 : 1;
 }
-
-static inline kn_work *kn_state_work(const kn_state *state) { return state->scratch; }
 
 // Return true if nothing but contact and gravity holds the object. The preconditioner then has a second level, the
 // rigid motions (solver_implicit.c). A step in which a plate holds nodes does not use the second level.

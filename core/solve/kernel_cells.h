@@ -193,11 +193,12 @@ LANES_INLINE lanes cell_product(const tables *t, const fields *f, const real *ke
 }
 
 // Visit all cells in memory order. If `product`, call cell_product and return the sum of (g.d)^2; else call cell_add.
-LANES_INLINE double cells_pass(const kn_model *model, kn_state *state, int K, bool flat, bool product)
+LANES_INLINE double cells_pass(const kn_model *model, const kn_state *state, const kn_work *work, int K, bool flat,
+                               bool product)
 {
     const tables *t = model->tables;
-    real *kept = kn_state_work(state)->cell;
-    fields f = fields_of(state, K);
+    real *kept = work->cell;
+    fields f = fields_of(state, work, K);
     double sum = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = lanes_set(0);
@@ -217,13 +218,13 @@ LANES_INLINE double cells_pass(const kn_model *model, kn_state *state, int K, bo
 // --- one pressure for the whole object ------------------------------------------------------------------------------
 
 // Sum dV/dx of every node over its cells into `kept`. Return the sum of J over all cells.
-static double object_shape(const kn_model *model, kn_state *state)
+static double object_shape(const kn_model *model, const kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
     const bool flat = model->grid.flat;
     const int dims = flat ? 2 : 3;
-    real *kept = kn_state_work(state)->cell;
-    fields f = fields_of(state, model->grid.vectors);
+    real *kept = work->cell;
+    fields f = fields_of(state, work, model->grid.vectors);
     double sum = 0;
     memset(kept, 0, kn_model_field(model, 3) * sizeof(real));
     for (int c = 0, row = 0; c < t->planes; c++) {
@@ -263,12 +264,12 @@ static double object_rate(const kn_model *model, const real *kept, const real *f
     return sum;
 }
 
-static void object_add(const kn_model *model, kn_state *state)
+static void object_add(const kn_model *model, const kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
-    real *kept = kn_state_work(state)->cell;
-    fields f = fields_of(state, model->grid.vectors);
-    double count = t->cell_count, j = object_shape(model, state) / count, slope;
+    real *kept = work->cell;
+    fields f = fields_of(state, work, model->grid.vectors);
+    double count = t->cell_count, j = object_shape(model, state, work) / count, slope;
     // (P - P0)/P0 of the whole object at the end of the step
     double over = kn_cell_pressure(j, &slope);
     over -= (double)t->cell_rate * object_rate(model, kept, f.guess) / count * slope;
@@ -290,9 +291,8 @@ static void object_add(const kn_model *model, kn_state *state)
 }
 
 // Add g (g.d) to q, where g is the vector of the whole object and d the search direction. Return (g.d)^2.
-static double object_product(const kn_model *model, kn_state *state)
+static double object_product(const kn_model *model, const kn_work *work)
 {
-    const kn_work *work = kn_state_work(state);
     const real *kept = work->cell;
     real *q = work->q;
     double rate = object_rate(model, kept, work->d);
@@ -304,22 +304,22 @@ static double object_product(const kn_model *model, kn_state *state)
 // --- gas in the kernels edge and apply ------------------------------------------------------------------------------
 
 // Add the gas forces to the residual r, and the slope of the pressure to the diagonal blocks.
-static void pressure_add(const kn_model *model, kn_state *state)
+static void pressure_add(const kn_model *model, const kn_state *state, const kn_work *work)
 {
     int K = model->grid.vectors;
-    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(model, state);
-    else if (model->grid.flat) cells_pass(model, state, K, true, false);
-    else if (K == 1) cells_pass(model, state, 1, false, false);
-    else cells_pass(model, state, K, false, false);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(model, state, work);
+    else if (model->grid.flat) cells_pass(model, state, work, K, true, false);
+    else if (K == 1) cells_pass(model, state, work, 1, false, false);
+    else cells_pass(model, state, work, K, false, false);
 }
 
 // Add the gas pressure's part of the product A d to q. Return the pressure's part of d.q.
-static double pressure_product(const kn_model *model, kn_state *state)
+static double pressure_product(const kn_model *model, const kn_state *state, const kn_work *work)
 {
     int K = model->grid.vectors;
-    if (model->def.pressure == KN_PRESSURE_OBJECT) return object_product(model, state);
-    if (model->grid.flat) return cells_pass(model, state, K, true, true);
-    return K == 1 ? cells_pass(model, state, 1, false, true) : cells_pass(model, state, K, false, true);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) return object_product(model, work);
+    if (model->grid.flat) return cells_pass(model, state, work, K, true, true);
+    return K == 1 ? cells_pass(model, state, work, 1, false, true) : cells_pass(model, state, work, K, false, true);
 }
 
 // Set the constants of Boyle's law. cell_shape computes lengths in spacings and slopes that are larger by the factor

@@ -203,11 +203,20 @@ typedef struct fields { // the fields of a state and of the solver, with the typ
     const real *free;
 } fields;
 
-LANES_INLINE fields fields_of(const kn_state *state, int K)
+LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
 {
-    const kn_work *w = kn_state_work(state);
-    return (fields){
-        K, state->displacement, state->velocity, state->strain, w->guess, w->r, w->q, w->d, w->z, w->p, w->g, w->free};
+    return (fields){K,
+                    state->displacement,
+                    state->velocity,
+                    state->strain,
+                    work->guess,
+                    work->r,
+                    work->q,
+                    work->d,
+                    work->z,
+                    work->p,
+                    work->g,
+                    work->free};
 }
 
 // Sixteen edges: they lead from the nodes of vector k of a row to the nodes of row `to` that are shifted by s along the
@@ -393,12 +402,11 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
 
 // Run the edge pass over a whole block. All edges that end in a row start in this row or in an earlier row. So a row is
 // complete after its own edges. Return r.z, summed plane by plane in a fixed order.
-LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, bool stroke,
-                              kn_linearization how, bool again, int K)
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_work *work, kn_law_kind kind,
+                              bool stroke, kn_linearization how, bool again, int K)
 {
     const tables *t = model->tables;
-    const kn_work *work = kn_state_work(state);
-    fields f = fields_of(state, K);
+    fields f = fields_of(state, work, K);
     double sum = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = lanes_set(0);
@@ -415,9 +423,9 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kin
 #define EDGE_PASS(name, kind, stroke, again, K, ...)                                                                   \
     static __attribute__((noinline)) double edge_##name(__VA_ARGS__)                                                   \
     {                                                                                                                  \
-        return edge_pass(model, state, kind, stroke, how, again, K);                                                   \
+        return edge_pass(model, state, work, kind, stroke, how, again, K);                                             \
     }
-#define ONE_ROW const kn_model *model, kn_state *state, kn_linearization how
+#define ONE_ROW const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how
 EDGE_PASS(stroke, ((const tables *)model->tables)->law.kind, true, again, K, ONE_ROW, bool again, int K)
 EDGE_PASS(voigt, KN_LAW_VOIGT, false, again, K, ONE_ROW, bool again, int K)
 EDGE_PASS(linear, KN_LAW_LINEAR, false, again, K, ONE_ROW, bool again, int K)
@@ -427,29 +435,28 @@ EDGE_PASS(exact, KN_LAW_EXACT, false, again, K, ONE_ROW, bool again, int K)
 
 #include "core/solve/kernel_cells.h"
 
-static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
+static double edge(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how, bool again)
 {
     int K = model->grid.vectors;
-    if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state);
+    if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state, work);
     // each law without stops has a loop of its own; laws with stops share one
     const kn_law_kind kind = ((const tables *)model->tables)->law.kind;
-    if (model->law.stroke) return edge_stroke(model, state, how, again, K);
+    if (model->law.stroke) return edge_stroke(model, state, work, how, again, K);
     switch (kind) {
-    case KN_LAW_VOIGT: return edge_voigt(model, state, how, again, K);
-    case KN_LAW_LINEAR: return edge_linear(model, state, how, again, K);
+    case KN_LAW_VOIGT: return edge_voigt(model, state, work, how, again, K);
+    case KN_LAW_LINEAR: return edge_linear(model, state, work, how, again, K);
     case KN_LAW_TABLE:
-        return K == 1 && !again ? edge_table_1(model, state, how) : edge_table(model, state, how, again, K);
-    default: return edge_exact(model, state, how, again, K);
+        return K == 1 && !again ? edge_table_1(model, state, work, how) : edge_table(model, state, work, how, again, K);
+    default: return edge_exact(model, state, work, how, again, K);
     }
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
 // Set z to the last step's change of velocity at free components. Return r.z.
-static double recall(const kn_model *model, kn_state *state)
+static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
-    const kn_work *work = kn_state_work(state);
     const real *change = state->change, *r = work->r, *free = work->free;
     real *z = work->z;
     const size_t plane = (size_t)t->rows * 3 * (size_t)t->vectors * KN_LANES;
@@ -503,10 +510,10 @@ LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int t
 }
 
 // Compute the new search direction d = z + beta d and the product q = A d of edges and mass. Return d.q.
-LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double beta_, int K)
+LANES_INLINE double apply_rows(const kn_model *model, const kn_state *state, const kn_work *work, double beta_, int K)
 {
     const tables *t = model->tables;
-    fields f = fields_of(state, K);
+    fields f = fields_of(state, work, K);
     const real beta = (real)beta_;
     double total = 0;
     // ready: number of rows with the new direction d; the products need d one plane and one row ahead
@@ -548,18 +555,18 @@ LANES_INLINE double apply_rows(const kn_model *model, kn_state *state, double be
     return total;
 }
 
-static double apply(const kn_model *model, kn_state *state, double beta)
+static double apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
 {
     int K = model->grid.vectors;
-    double dq = K == 1 ? apply_rows(model, state, beta, 1) : apply_rows(model, state, beta, K);
-    return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state);
+    double dq = K == 1 ? apply_rows(model, state, work, beta, 1) : apply_rows(model, state, work, beta, K);
+    return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state, work);
 }
 
 // Compute guess += alpha d, r -= alpha q, z = P r. Return r.z.
-LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double alpha, int K)
+LANES_INLINE double update_rows(const kn_model *model, const kn_work *work, double alpha, int K)
 {
     const tables *t = model->tables;
-    fields f = fields_of(state, K);
+    fields f = {.K = K, .guess = work->guess, .r = work->r, .q = work->q, .d = work->d, .z = work->z, .p = work->p};
     const lanes a = lanes_set((real)alpha), zero = lanes_set(0);
     double total = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
@@ -583,18 +590,18 @@ LANES_INLINE double update_rows(const kn_model *model, kn_state *state, double a
     return total;
 }
 
-static double update(const kn_model *model, kn_state *state, double alpha)
+static double update(const kn_model *model, const kn_work *work, double alpha)
 {
     int K = model->grid.vectors;
-    return K == 1 ? update_rows(model, state, alpha, 1) : update_rows(model, state, alpha, K);
+    return K == 1 ? update_rows(model, work, alpha, 1) : update_rows(model, work, alpha, K);
 }
 
 // Advance displacements, velocities and the last change of velocity.
-static void integrate(const kn_model *model, kn_state *state)
+static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
     real *x = state->displacement, *v = state->velocity, *change = state->change;
-    const real *guess = kn_state_work(state)->guess;
+    const real *guess = work->guess;
     size_t reals = (size_t)t->row_count * 3 * (size_t)t->vectors * KN_LANES;
     for (size_t o = 0; o < reals; o += KN_LANES) {
         lanes g = lanes_load(guess + o);

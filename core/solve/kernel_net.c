@@ -157,10 +157,9 @@ static void scatter(const kn_work *work, const int (*edge)[2], int count, int at
 }
 
 // Linearise sixteen edges, and add their forces and stiffness to their nodes.
-LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const tables *t, int batch, kn_law_kind kind,
-                             bool stroke, kn_linearization how, bool again)
+LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const kn_work *work, const tables *t, int batch,
+                             kn_law_kind kind, bool stroke, kn_linearization how, bool again)
 {
-    const kn_work *work = kn_state_work(state);
     size_t at = (size_t)batch * KN_LANES;
     const int(*edge)[2] = (const int(*)[2])t->ends + at;
     int count = t->edges - (int)at < KN_LANES ? t->edges - (int)at : KN_LANES;
@@ -207,10 +206,9 @@ static void invert_block(real m[6])
 
 // Finish a node after all of its edges have been added: add mass and weight, apply constraints, invert the block,
 // compute z. Return r.z.
-static double finish_node(const kn_state *state, const tables *t, int node, bool again)
+static double finish_node(const kn_state *state, const kn_work *work, const tables *t, int node, bool again)
 {
     static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
-    const kn_work *work = kn_state_work(state);
     const real *v = (const real *)state->velocity + 3 * node, *guess = (const real *)work->guess + 3 * node;
     const real *loose = (const real *)work->free + 3 * node;
     real *r = (real *)work->r + 3 * node, *z = (real *)work->z + 3 * node, *p = (real *)work->p + 6 * node;
@@ -231,13 +229,13 @@ static double finish_node(const kn_state *state, const tables *t, int node, bool
     return (double)multiply_block(p, r, z);
 }
 
-LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, kn_law_kind kind, bool stroke,
-                              kn_linearization how, bool again)
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_work *work, kn_law_kind kind,
+                              bool stroke, kn_linearization how, bool again)
 {
     const tables *t = model->tables;
     double sum = 0;
-    for (int b = 0; b < t->batches; b++) edge_batch(model, state, t, b, kind, stroke, how, again);
-    for (int i = 0; i < t->nodes; i++) sum += finish_node(state, t, i, again);
+    for (int b = 0; b < t->batches; b++) edge_batch(model, state, work, t, b, kind, stroke, how, again);
+    for (int i = 0; i < t->nodes; i++) sum += finish_node(state, work, t, i, again);
     return sum;
 }
 
@@ -374,28 +372,27 @@ static double object_product(const kn_work *work, const tables *t)
 
 // --- the kernels ----------------------------------------------------------------------------------------------------
 
-static double edge(const kn_model *model, kn_state *state, kn_linearization how, bool again)
+static double edge(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how, bool again)
 {
     const tables *t = model->tables;
-    if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(kn_state_work(state), t, state->displacement);
-    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(kn_state_work(state), t, state->displacement);
+    if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(work, t, state->displacement);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(work, t, state->displacement);
     // each law without stops has a loop of its own; laws with stops share one
-    if (model->law.stroke) return edge_pass(model, state, t->law.kind, true, how, again);
+    if (model->law.stroke) return edge_pass(model, state, work, t->law.kind, true, how, again);
     switch (t->law.kind) {
-    case KN_LAW_VOIGT: return edge_pass(model, state, KN_LAW_VOIGT, false, how, again);
-    case KN_LAW_LINEAR: return edge_pass(model, state, KN_LAW_LINEAR, false, how, again);
-    case KN_LAW_TABLE: return edge_pass(model, state, KN_LAW_TABLE, false, how, again);
-    default: return edge_pass(model, state, KN_LAW_EXACT, false, how, again);
+    case KN_LAW_VOIGT: return edge_pass(model, state, work, KN_LAW_VOIGT, false, how, again);
+    case KN_LAW_LINEAR: return edge_pass(model, state, work, KN_LAW_LINEAR, false, how, again);
+    case KN_LAW_TABLE: return edge_pass(model, state, work, KN_LAW_TABLE, false, how, again);
+    default: return edge_pass(model, state, work, KN_LAW_EXACT, false, how, again);
     }
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
 // Set z to the last step's change of velocity at free components. Return r.z.
-static double recall(const kn_model *model, kn_state *state)
+static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
-    const kn_work *work = kn_state_work(state);
     const real *change = state->change, *r = work->r, *free = work->free;
     real *z = work->z;
     double sum = 0;
@@ -406,10 +403,10 @@ static double recall(const kn_model *model, kn_state *state)
     return sum;
 }
 
-static double apply(const kn_model *model, kn_state *state, double beta)
+static double apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
 {
+    (void)state;
     const tables *t = model->tables;
-    const kn_work *work = kn_state_work(state);
     real *d = work->d, *q = work->q;
     const real *g = work->g, *z = work->z;
     for (int i = 0; i < 3 * t->nodes; i++) d[i] = z[i] + (real)beta * d[i];
@@ -439,10 +436,9 @@ static double apply(const kn_model *model, kn_state *state, double beta)
     return sum;
 }
 
-static double update(const kn_model *model, kn_state *state, double alpha)
+static double update(const kn_model *model, const kn_work *work, double alpha)
 {
     const tables *t = model->tables;
-    const kn_work *work = kn_state_work(state);
     const real a = (real)alpha, *d = work->d, *p = work->p;
     real *guess = work->guess, *r = work->r, *q = work->q, *z = work->z;
     double sum = 0;
@@ -455,10 +451,10 @@ static double update(const kn_model *model, kn_state *state, double alpha)
     return sum;
 }
 
-static void integrate(const kn_model *model, kn_state *state)
+static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
-    const real *guess = kn_state_work(state)->guess;
+    const real *guess = work->guess;
     real *x = state->displacement, *v = state->velocity, *change = state->change;
     for (int i = 0; i < 3 * t->nodes; i++) {
         change[i] = guess[i] - v[i];

@@ -27,9 +27,11 @@ typedef struct kn_rigid { // rigid motions of an object that nothing holds, see 
     double factor[6][6]; // Cholesky factor of R'AR: R maps a rigid motion to velocities, A is the step's matrix
 } kn_rigid;
 
-// Memory of the solvers within a step. It is in the memory of a state, but it is neither saved nor hashed.
-typedef struct kn_scratch {
-    kn_work work; // implicit: must be the first member, because the kernels find it at state->scratch
+// Memory of the solvers within a step. It stays after the step, so that the contact of the step can be read.
+struct kn_scratch {
+    const kn_state *state; // state of the last step, and its tick after the step
+    int64_t tick;
+    kn_work work; // implicit
     kn_contact contact;
     kn_effort effort;     // implicit: effort of this step
     kn_deadline deadline; // implicit: deadline of this step
@@ -41,9 +43,16 @@ typedef struct kn_scratch {
     uint8_t *fixed;
     double (*velocity)[3], (*force)[3], (*reaction)[3];
     void *stages; // RK4: memory of its stages; FIXED: memory of the integer step
-} kn_scratch;
+};
 
-static inline kn_scratch *kn_state_scratch(const kn_state *state) { return state->scratch; }
+// Return the contact of the last step of a state. NULL: the last step with this scratch was of another state.
+static inline const kn_contact *kn_scratch_contact(const kn_scratch *scratch, const kn_state *state)
+{
+    return scratch->state == state && scratch->tick == state->tick ? &scratch->contact : NULL;
+}
+
+// Forget everything that earlier steps have left in the scratch. Real-time safe.
+void kn_scratch_reset(const kn_model *model, kn_scratch *scratch);
 
 // --- implicit solver: solver_implicit.c -----------------------------------------------------------------------------
 
@@ -60,7 +69,8 @@ static inline kn_scratch *kn_state_scratch(const kn_state *state) { return state
 
 // Solve for the velocities of the nodes and store them in work->guess. Store the forces of held nodes and samples. The
 // kernel `integrate` moves the nodes later. Real-time safe.
-void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output);
+void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
+                       kn_output *output);
 
 // --- foundation contact in the implicit step: foundation.c ----------------------------------------------------------
 

@@ -211,9 +211,9 @@ static double note_start(const kn_model *m, kn_state *state, double rz)
 }
 
 // Update guess and residual, and apply both levels of the preconditioner. Return r.z.
-static double update(const kn_model *m, kn_state *state, kn_scratch *s, double alpha)
+static double update(const kn_model *m, kn_scratch *s, double alpha)
 {
-    double rz = m->kernels->update(m, state, alpha);
+    double rz = m->kernels->update(m, &s->work, alpha);
     return rz + rigid_add(m, s);
 }
 
@@ -243,10 +243,10 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
             return rz;
         }
         // q = A d, where d is the next search direction
-        double dq = m->kernels->apply(m, state, beta) + kn_foundation_apply(m, s);
+        double dq = m->kernels->apply(m, state, &s->work, beta) + kn_foundation_apply(m, s);
         if (!(dq > 0)) return rz;
         // step to the minimum along d, then choose beta so that the next direction is conjugate to d
-        double next = update(m, state, s, rz / dq);
+        double next = update(m, s, rz / dq);
         beta = next / rz;
         rz = next;
     }
@@ -261,9 +261,10 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
 static double go_on(const kn_model *m, kn_state *state, kn_scratch *s, double rz, kn_output *output)
 {
     if (!(rz > nothing_of(m, state))) return rz;
-    double rd = m->kernels->recall(m, state), dq = m->kernels->apply(m, state, 0) + kn_foundation_apply(m, s);
+    double rd = m->kernels->recall(m, state, &s->work),
+           dq = m->kernels->apply(m, state, &s->work, 0) + kn_foundation_apply(m, s);
     output->iterations++;
-    return update(m, state, s, dq > least_w(m) ? rd / dq : 0);
+    return update(m, s, dq > least_w(m) ? rd / dq : 0);
 }
 
 // Solve one linearised system. During the solve, the contact may change its active set up to twice.
@@ -282,7 +283,7 @@ static double solve_linear(const kn_model *m, kn_state *state, kn_scratch *s, do
         if (again > 0 && !kn_deadline_spend(&s->deadline, s->deadline.look)) break;
         // the first look at the contact is not counted here, because its work was counted with the linearisation
         if (kn_foundation_change(m, s) == 0) break;
-        rz = iterate(m, state, s, update(m, state, s, 0), (wanted + 1) / 2, output);
+        rz = iterate(m, state, s, update(m, s, 0), (wanted + 1) / 2, output);
     }
     return rz;
 }
@@ -335,9 +336,10 @@ static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
     }
 }
 
-void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *input, kn_output *output)
+void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
+                       kn_output *output)
 {
-    kn_scratch *s = kn_state_scratch(state);
+    kn_scratch *s = scratch;
     s->effort = effort_of(model, input);
     output->secant = state->secant_steps > 0;
     kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : linearization_of(model, s);
@@ -351,7 +353,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
     // from a guess of the flow under the plate
     kn_deadline_begin(&s->deadline, model, &s->contact, input->deadline);
     const int64_t guess = kn_deadline_guess(&s->deadline, model, KN_IMPACT_PASSES, s->effort.iterations_max);
-    if (guess > 0 && kn_impact_guess(model, state, &s->contact)) s->deadline.spent += guess;
+    if (guess > 0 && kn_impact_guess(model, state, &s->work, &s->contact)) s->deadline.spent += guess;
     for (int pass = 0; pass < passes; pass++) {
         if (!kn_deadline_line(&s->deadline, pass == 0)) {
             output->capped = true;
@@ -362,7 +364,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, const kn_input *i
         // linearise: dead load, contact, then the law of every edge at the guess
         add_external(model, s, input);
         rigid_begin(model, state, s);
-        rz = model->kernels->edge(model, state, how, pass > 0);
+        rz = model->kernels->edge(model, state, &s->work, how, pass > 0);
         rz += rigid_add(model, s);
         // the first residual tells whether this step is an impact, which needs further linearisations
         if (pass == 0) start = note_start(model, state, rz);

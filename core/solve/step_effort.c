@@ -138,9 +138,8 @@ static void punch_at(const punch *p, const double rest_m[3], float velocity_m_s[
     velocity_m_s[2] = -v * down;
 }
 
-bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_contact *contact)
+bool kn_impact_guess(const kn_model *model, const kn_state *state, kn_work *work, const kn_contact *contact)
 {
-    const kn_work *work = kn_state_work(state);
     bool any = false;
     if (!(model->law.s1_pa > 0)) return false;
     for (int p = 0; p < model->def.probe_count; p++) {

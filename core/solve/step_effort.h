@@ -3,6 +3,7 @@
 // The work of an implicit step: the number of linearisations of the law, and the number of iterations for each. An
 // impact needs more linearisations than other steps, and a deadline may leave time for fewer.
 #include "core/solve/contact.h"
+#include "core/solve/kernel.h"
 
 // --- impacts --------------------------------------------------------------------------------------------------------
 
@@ -79,7 +80,7 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
 
 // For every plate that strikes fast, add the velocity field under a rigid punch to the solver's guess, and mark every
 // row as moved. The guess must already contain the velocities of the held nodes. Return true if a plate strikes fast.
-bool kn_impact_guess(const kn_model *model, const kn_state *state, const kn_contact *contact);
+bool kn_impact_guess(const kn_model *model, const kn_state *state, kn_work *work, const kn_contact *contact);
 
 // --- deadline -------------------------------------------------------------------------------------------------------
 

@@ -24,6 +24,7 @@ typedef struct kn_backend {
     kn_backend_status (*wait)(void *self, int64_t deadline_ns, kn_output *output);
     // Return the object's state after the last wait; valid until the next submit.
     const kn_state *(*state)(void *self);
+    const kn_scratch *(*scratch)(void *self);           // scratch of the last step, which has its contact (touch.h)
     void (*reset)(void *self);                          // put the object back to its initial state
     void (*restore)(void *self, const kn_state *state); // replace the object by a copy of a state of this model
     // Fill in the physical fields of the local contact model of probe p, as of the last wait. The model has at most

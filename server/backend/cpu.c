@@ -7,6 +7,7 @@
 typedef struct cpu {
     const kn_model *model;
     kn_state *state;
+    kn_scratch *scratch;
     int steps;           // number of time steps of the model in one tick
     kn_contact_fit *fit; // identification of local contact models; NULL: none are identified
     kn_output output;
@@ -33,8 +34,8 @@ static void cpu_submit(void *self, const kn_input *input)
     bool capped = false;
     kn_status status = KN_OK;
     for (int i = 0; i < c->steps && status == KN_OK; i++) {
-        status = kn_step(c->model, c->state, input, &c->output);
-        if (c->fit) kn_contact_fit_step(c->fit, c->state, input, &c->output);
+        status = kn_step(c->model, c->state, c->scratch, input, &c->output);
+        if (c->fit) kn_contact_fit_step(c->fit, c->state, c->scratch, input, &c->output);
         residual = fmax(residual, c->output.residual);
         capped |= c->output.capped;
     }
@@ -52,6 +53,7 @@ static kn_backend_status cpu_wait(void *self, int64_t deadline_ns, kn_output *ou
 }
 
 static const kn_state *cpu_state(void *self) { return ((cpu *)self)->state; }
+static const kn_scratch *cpu_scratch(void *self) { return ((cpu *)self)->scratch; }
 
 static void cpu_reset(void *self)
 {
@@ -60,12 +62,11 @@ static void cpu_reset(void *self)
     if (c->fit) kn_contact_fit_reset(c->fit);
 }
 
-// Reset first, because the scratch may hold values of a step that diverged.
 static void cpu_restore(void *self, const kn_state *state)
 {
     cpu *c = self;
-    cpu_reset(c);
     kn_state_copy(c->model, c->state, state);
+    if (c->fit) kn_contact_fit_reset(c->fit);
 }
 
 // The backend's function `contact`, used after kn_backend_cpu_identify was called.
@@ -78,7 +79,7 @@ static void cpu_contact(void *self, int p, kn_contact_unit unit[])
 static void cpu_afterwards(void *self)
 {
     cpu *c = self;
-    if (c->status == KN_BACKEND_OK) kn_contact_fit_iterate(c->fit, c->state);
+    if (c->status == KN_BACKEND_OK) kn_contact_fit_iterate(c->fit, c->state, c->scratch);
 }
 
 bool kn_backend_cpu_identify(kn_backend *backend, kn_coupling device)
@@ -93,35 +94,35 @@ bool kn_backend_cpu_identify(kn_backend *backend, kn_coupling device)
 
 void kn_backend_cpu_watch(kn_backend *backend, kn_fixed_watch watch)
 {
-    kn_fixed_watch_by(((cpu *)backend->self)->state, watch);
+    kn_fixed_watch_by(((cpu *)backend->self)->scratch, watch);
 }
 
 static void cpu_destroy(void *self)
 {
     cpu *c = self;
+    if (!c) return;
     kn_contact_fit_destroy(c->fit);
     kn_state_destroy(c->state);
+    kn_scratch_destroy(c->scratch);
     free(c);
 }
 
-// The backend owns the state; the model is borrowed.
+// The backend owns state and scratch; the model is borrowed.
 bool kn_backend_cpu(kn_backend *backend, const kn_model *model)
 {
     int steps = kn_backend_steps(model->def.solver.dt_s);
-    cpu *c = calloc(1, sizeof *c);
-    kn_state *state = steps > 0 && c ? kn_state_create(model) : NULL;
-    if (!state) {
-        free(c);
+    cpu *c = steps > 0 ? calloc(1, sizeof *c) : NULL;
+    if (c) *c = (cpu){model, kn_state_create(model), kn_scratch_create(model), .steps = steps};
+    if (!c || !c->state || !c->scratch) {
+        cpu_destroy(c);
         return false;
     }
-    c->model = model;
-    c->state = state;
-    c->steps = steps;
     *backend = (kn_backend){.name = model->fixed ? "fixed" : "cpu",
                             .self = c,
                             .submit = cpu_submit,
                             .wait = cpu_wait,
                             .state = cpu_state,
+                            .scratch = cpu_scratch,
                             .reset = cpu_reset,
                             .restore = cpu_restore,
                             .destroy = cpu_destroy};

@@ -338,6 +338,7 @@ static void fpga_afterwards(void *self)
 }
 
 static const kn_state *fpga_state(void *self) { return ((fpga *)self)->twin.state(((fpga *)self)->twin.self); }
+static const kn_scratch *fpga_scratch(void *self) { return ((fpga *)self)->twin.scratch(((fpga *)self)->twin.self); }
 
 static void fpga_reset(void *self)
 {
@@ -599,6 +600,7 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
                             .submit = fpga_submit,
                             .wait = fpga_wait,
                             .state = fpga_state,
+                            .scratch = fpga_scratch,
                             .reset = fpga_reset,
                             .restore = fpga_restore,
                             .afterwards = fpga_afterwards,
@@ -611,7 +613,8 @@ bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *ur
 {
     char patient[KN_LINK_URI];
     *device = false;
-    snprintf(why, KN_LINK_WHY, "not enough memory for the object's %zu bytes", model->state_bytes);
+    snprintf(why, KN_LINK_WHY, "not enough memory for the object's %zu bytes",
+             kn_state_size(model) + kn_scratch_size(model));
     if (!uri) return kn_backend_cpu(backend, model);
     if (at_leisure && !strstr(uri, "miss=") &&
         snprintf(patient, sizeof patient, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?') < (int)sizeof patient)

@@ -8,20 +8,20 @@
 
 enum { WARM_UP = 25, COUNTED = 50 };
 
-static int step(const kn_model *model, kn_state *state, int tick)
+static int step(const kn_model *model, kn_state *state, kn_scratch *scratch, int tick)
 {
     static const press path = {.depth_m = 0.01};
     kn_input in = press_input(model, &path, (tick + 1) * 1e-3);
     kn_output out;
-    if (kn_step(model, state, &in, &out) != KN_OK) exit(1);
+    if (kn_step(model, state, scratch, &in, &out) != KN_OK) exit(1);
     return out.iterations;
 }
 
-__attribute__((noinline)) int counted(const kn_model *model, kn_state *state);
-int counted(const kn_model *model, kn_state *state)
+__attribute__((noinline)) int counted(const kn_model *model, kn_state *state, kn_scratch *scratch);
+int counted(const kn_model *model, kn_state *state, kn_scratch *scratch)
 {
     int iterations = 0;
-    for (int tick = WARM_UP; tick < WARM_UP + COUNTED; tick++) iterations += step(model, state, tick);
+    for (int tick = WARM_UP; tick < WARM_UP + COUNTED; tick++) iterations += step(model, state, scratch, tick);
     return iterations;
 }
 
@@ -41,10 +41,12 @@ int main(int argc, char **argv)
     if (!kn_isa_supported(KN_ISA_AVX2)) return 77;
     kn_model *model = build(&def);
     kn_state *state = kn_state_create(model);
-    if (!state) return 70;
-    for (int tick = 0; tick < WARM_UP; tick++) step(model, state, tick);
-    printf("%d\n", counted(model, state));
+    kn_scratch *scratch = kn_scratch_create(model);
+    if (!state || !scratch) return 70;
+    for (int tick = 0; tick < WARM_UP; tick++) step(model, state, scratch, tick);
+    printf("%d\n", counted(model, state, scratch));
     kn_state_destroy(state);
+    kn_scratch_destroy(scratch);
     kn_model_destroy(model);
     kn_simplices_destroy(mesh);
     return 0;

@@ -10,21 +10,21 @@
 #include <unistd.h>
 #include <wordexp.h>
 
-__attribute__((weak)) char kn_scratch[32]; // that folder; one for all files of the program
+__attribute__((weak)) char kn_folder[32]; // that folder; one for all files of the program
 
-__attribute__((constructor)) static void kn_scratch_enter(void)
+__attribute__((constructor)) static void kn_folder_enter(void)
 {
-    if (*kn_scratch) return;
-    strcpy(kn_scratch, "/tmp/knead_test.XXXXXX");
-    if (!mkdtemp(kn_scratch) || chdir(kn_scratch) != 0) exit(1);
+    if (*kn_folder) return;
+    strcpy(kn_folder, "/tmp/knead_test.XXXXXX");
+    if (!mkdtemp(kn_folder) || chdir(kn_folder) != 0) exit(1);
 }
 
-__attribute__((destructor)) static void kn_scratch_leave(void)
+__attribute__((destructor)) static void kn_folder_leave(void)
 {
     char command[64];
-    snprintf(command, sizeof command, "rm -rf %s", kn_scratch);
-    if (*kn_scratch && system(command) != 0) fprintf(stderr, "%s stays behind\n", kn_scratch);
-    *kn_scratch = '\0';
+    snprintf(command, sizeof command, "rm -rf %s", kn_folder);
+    if (*kn_folder && system(command) != 0) fprintf(stderr, "%s stays behind\n", kn_folder);
+    *kn_folder = '\0';
 }
 
 static char kn_heard[2][1 << 16];

@@ -70,6 +70,7 @@ static void measure(const char *path, stage s)
 {
     OWN(kn_model) *model = make_block(s.probe, s.compliance_m_n);
     OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_scratch) *scratch = kn_scratch_create(model);
     kn_input in = {.probe[0].attached = true};
     kn_output out;
     enum { ROWS = 4000 };
@@ -87,7 +88,7 @@ static void measure(const char *path, stage s)
         const double stage_m = 1e-3 * s.speed_mm_s * way_s, depth_m = stage_m - 1e-3 * s.above_mm;
         in.probe[0].position_m[2] = z_m - before_m;
         in.probe[0].velocity_m_s[2] = (before_m - depth_m) / dt;
-        CHECK(kn_step(model, state, &in, &out) == KN_OK);
+        CHECK(kn_step(model, state, scratch, &in, &out) == KN_OK);
         const double force_n = out.probe[0].force_n[2];
         before_m = depth_m;
         if (isnan(begin_s) && force_n > s.trigger_n) begin_s = t, begin_m = stage_m;

@@ -303,7 +303,7 @@ static void record_with_store(const char *path, uint64_t from)
 static int64_t keep(void)
 {
     kn_state_destroy(saved.state);
-    saved = (kn_saved){.state = kn_state_keep(r.on.model), .servo = r.servo, .tick = r.in.tick, .utime = r.utime};
+    saved = (kn_saved){.state = kn_state_create(r.on.model), .servo = r.servo, .tick = r.in.tick, .utime = r.utime};
     kn_state_copy(r.on.model, saved.state, r.on.backend.state(r.on.backend.self));
     CHECK(kn_store_save(&store, &saved, false, error, sizeof error));
     return saved.tick;

@@ -89,10 +89,10 @@ static inline void rig_step(rig *r, const pose *p)
     r->near.in.probe[0] = in;
     if (r->near.model) step(&r->near);
     step(&r->far);
-    kn_contact_fit_step(r->fit, r->far.state, &r->far.in, &r->far.out);
+    kn_contact_fit_step(r->fit, r->far.state, r->far.scratch, &r->far.in, &r->far.out);
     bool lost = lose(r, 1);
     for (int i = 0; i < 2; i++) rig_render(r, i, p, lost);
-    kn_contact_fit_iterate(r->fit, r->far.state);
+    kn_contact_fit_iterate(r->fit, r->far.state, r->far.scratch);
     r->tick++;
 }
 

@@ -18,7 +18,7 @@ static lattice dough_block(void) { return dough_with_skin(KN_SKIN_SPLINE); }
 
 static kn_contact *find(lattice *l)
 {
-    kn_contact *contact = &kn_state_scratch(l->state)->contact;
+    kn_contact *contact = &l->scratch->contact;
     kn_contact_find(l->model, l->state, &l->in, contact);
     return contact;
 }
@@ -65,7 +65,7 @@ TEST("two plates in the same place hold each node once, and the first plate take
     LATTICE l = lattice_of(def);
     put(&l, 0, 0, 0, 0.0299), put(&l, 1, 0, 0, 0.0299);
     step(&l);
-    CHECK(kn_state_scratch(l.state)->contact.hold_count == 36);
+    CHECK(l.scratch->contact.hold_count == 36);
     CHECK(l.out.probe[0].force_n[2] > 0 && l.out.probe[1].force_n[2] == 0);
 }
 
@@ -145,7 +145,7 @@ TEST("a velocity that is NaN, or a NaN in the state, sets the force to zero unti
         if (in_state) kn_real_set(l.model, l.state->velocity, l.model->offset[l.model->node_count - 1], NAN);
         else l.in.probe[0].velocity_m_s[2] = NAN;
         for (int i = 0; i < 3; i++) {
-            kn_status status = kn_step(l.model, l.state, &l.in, &l.out);
+            kn_status status = kn_step(l.model, l.state, l.scratch, &l.in, &l.out);
             CHECK((in_state && i == 0) || (status == KN_DIVERGED && l.state->bad));
             put(&l, 0, 0, 0, 0.0299);
         }

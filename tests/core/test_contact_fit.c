@@ -220,7 +220,7 @@ TEST("a tool near the surface gets the plane ahead; a distant or detached tool g
     kn_contact_unit none[KN_CONTACT_UNITS];
     r->far.in.probe[0].attached = false;
     step(&r->far);
-    kn_contact_fit_step(r->fit, r->far.state, &r->far.in, &r->far.out);
+    kn_contact_fit_step(r->fit, r->far.state, r->far.scratch, &r->far.in, &r->far.out);
     kn_contact_fit_units(r->fit, 0, 1, none);
     CHECK(none->contact_count == 0);
 }

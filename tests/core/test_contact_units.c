@@ -131,9 +131,9 @@ TEST("a plate over two ridges is described by two units side by side")
         l.in.probe[1].velocity_m_s[2] = -0.01;
         l.in.probe[1].attached = t > 1.6;
         step(&l);
-        kn_contact_fit_step(fit, l.state, &l.in, &l.out);
+        kn_contact_fit_step(fit, l.state, l.scratch, &l.in, &l.out);
         kn_contact_fit_units(fit, 1, KN_CONTACT_UNITS, unit);
-        kn_contact_fit_iterate(fit, l.state);
+        kn_contact_fit_iterate(fit, l.state, l.scratch);
         if (unit->contact_count != 2) continue;
         double arm_m[2];
         for (int c = 0; c < 2; c++) arm_m[c] = unit[c].proxy_m[0] - unit[c].friction_anchor_m[0];

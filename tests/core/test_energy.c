@@ -7,7 +7,7 @@ OWNS(kn_audit, kn_audit_destroy)
 static const kn_audit_news *audited_step(lattice *l, kn_audit *audit)
 {
     step(l);
-    kn_audit_tick(audit, l->state);
+    kn_audit_tick(audit, l->state, l->scratch);
     return kn_audit_read(audit);
 }
 
@@ -158,8 +158,8 @@ TEST("a diverged object creates no energy, and the audit restarts with the next 
         l.in = press_input(l.model, &endless, i * 1e-3);
         if (i == 2400) kn_real_set(l.model, l.state->displacement, l.model->offset[7], NAN);
         if (i == 6400) windows = news->windows, kn_state_reset(l.model, l.state);
-        CHECK((kn_step(l.model, l.state, &l.in, &l.out) == KN_OK) == (i < 2400 || i >= 6400));
-        kn_audit_tick(audit, l.state);
+        CHECK((kn_step(l.model, l.state, l.scratch, &l.in, &l.out) == KN_OK) == (i < 2400 || i >= 6400));
+        kn_audit_tick(audit, l.state, l.scratch);
         news = kn_audit_read(audit);
         CHECK(isfinite(kn_energy_sum(&news->stored)) && isfinite(news->balance_j) && isfinite(news->lost_j));
     }

@@ -39,7 +39,7 @@ TEST("at 2 % below the step limit a small disturbance of a resting lattice decay
             for (size_t k = 0; k < 3; k++) // speeds so small that the lattice stays linear
                 v[l.model->offset[i] + k * l.model->stride] = 1e-12 * ((i * 7 + (int)k * 3) % 11 - 5);
         for (int later = 0; later < 2; later++) {
-            for (int i = 0; i < (later ? 99 : 201); i++) kn_step(l.model, l.state, &l.in, &l.out);
+            for (int i = 0; i < (later ? 99 : 201); i++) kn_step(l.model, l.state, l.scratch, &l.in, &l.out);
             for (size_t i = 0; i < kn_grid_field(&l.model->grid, 3); i++) energy[later] += v[i] * v[i];
         }
         CHECK(above ? energy[1] > 100 * energy[0] : energy[1] < energy[0]);

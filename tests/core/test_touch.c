@@ -24,7 +24,7 @@ static lattice under(kn_probe_def tool)
 static kn_touch touch_of(const lattice *l)
 {
     kn_touch touch;
-    kn_touch_read(l->model, l->state, 0, &touch);
+    kn_touch_read(l->model, l->state, l->scratch, 0, &touch);
     return touch;
 }
 
@@ -113,7 +113,7 @@ TEST("the forces on the nodes add up to the opposite of the tool's force for a p
         double(*node)[3] = calloc((size_t)l.model->node_count, sizeof *node), sum[3] = {0};
         const double *f = l.out.probe[0].force_n;
         int loaded = 0;
-        kn_touch_nodes(l.model, l.state, node);
+        kn_touch_nodes(l.model, l.state, l.scratch, node);
         for (int n = 0; n < l.model->node_count; n++) {
             for (int k = 0; k < 3; k++) sum[k] += node[n][k];
             loaded += node[n][2] != 0;
@@ -123,7 +123,7 @@ TEST("the forces on the nodes add up to the opposite of the tool's force for a p
         CHECK(f[2] > 0.05 && loaded >= 4);
         l.in.probe[0].attached = false;
         step(&l);
-        kn_touch_nodes(l.model, l.state, node);
+        kn_touch_nodes(l.model, l.state, l.scratch, node);
         for (int n = 0; n < l.model->node_count; n++) CHECK(kn_dot(node[n], node[n]) == 0);
         free(node);
     }

@@ -15,10 +15,11 @@ int main(void)
     kn_model *model = kn_model_build(&def, error, sizeof error);
     if (!model) return fprintf(stderr, "%s\n", error), 1;
     kn_state *state = kn_state_create(model);
+    kn_scratch *scratch = kn_scratch_create(model);
     kn_input input = {.top_load_n = 0.5};
     kn_output output;
     for (int i = 0; i < 100; i++)
-        if (kn_step(model, state, &input, &output) != KN_OK) return 1;
+        if (kn_step(model, state, scratch, &input, &output) != KN_OK) return 1;
     double top_m[3];
     kn_state_position(model, state, model->grid.nodes - 1, top_m);
     printf("height after 0.1 s under 0.5 N: %.6f m\n", top_m[2]);

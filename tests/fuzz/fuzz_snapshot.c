@@ -43,7 +43,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     require(model && kn_backend_cpu(&backend, model));
     room = kn_saved_size_max(model) + 64;
     require((good = malloc(room)) && (bytes = malloc(room)));
-    require((saved.state = kn_state_keep(model)) && (found.state = kn_state_keep(model)));
+    require((saved.state = kn_state_create(model)) && (found.state = kn_state_create(model)));
     kn_servo_init(&saved.servo, scene, model, &backend);
     press(&saved.servo, 700);
     kn_state_copy(model, saved.state, backend.state(backend.self));

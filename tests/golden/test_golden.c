@@ -97,6 +97,7 @@ TEST("a coupled finger with friction, pressed askew into a block on a table, giv
                                   .coupling_n_s_m = 1.5};
     OWN(kn_model) *model = build(&def);
     OWN(kn_state) *state = kn_state_create(model);
+    OWN(kn_scratch) *scratch = kn_scratch_create(model);
     uint64_t hash = KN_HASH_SEED;
     double least = 0;
     for (int i = 0; i < 300; i++) {
@@ -105,7 +106,7 @@ TEST("a coupled finger with friction, pressed askew into a block on a table, giv
                                     .velocity_m_s = {0, 0.01, -0.02},
                                     .orientation_wxyz = {0.96, 0.28, 0, 0}}};
         kn_output out;
-        CHECK(kn_step(model, state, &in, &out) == KN_OK);
+        CHECK(kn_step(model, state, scratch, &in, &out) == KN_OK);
         hash = kn_hash_bytes(hash, &out.probe[0], sizeof out.probe[0].force_n + sizeof out.probe[0].torque_n_m);
         least = fmin(least, out.probe[0].force_n[1]);
     }

@@ -36,7 +36,7 @@ static balance strain(const double e[3][3])
     for (int i = 0; i < m->node_count; i++)
         for (size_t k = 0; k < 3; k++)
             kn_real_set(m, l.state->displacement, m->offset[i] + k * m->stride, kn_dot(e[k], m->rest_m[i]));
-    m->kernels->edge(m, l.state, KN_LINEARIZATION_SECANT, false);
+    m->kernels->edge(m, l.state, &l.scratch->work, KN_LINEARIZATION_SECANT, false);
     for (int i = 0; i < m->node_count; i++) {
         const double *x = m->rest_m[i], h = def.spacing_m, half = 8 * h;
         double size = 0, f;
@@ -45,7 +45,7 @@ static balance strain(const double e[3][3])
         bool corner =
             fabs(fabs(x[0]) - half / 2) < h / 2 && fabs(fabs(x[1]) - half / 2) < h / 2 && fabs(x[2] - 6 * h) < h / 2;
         for (size_t k = 0; k < 3; k++) {
-            f = kn_real_get(m, kn_state_work(l.state)->r, m->offset[i] + k * m->stride);
+            f = kn_real_get(m, l.scratch->work.r, m->offset[i] + k * m->stride);
             b.sum[k] += f;
             size = fmax(size, fabs(f));
         }

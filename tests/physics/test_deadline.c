@@ -24,7 +24,8 @@ static stroke struck(kn_model_def def, int64_t deadline)
         kn_output shortest = {0};
         least.deadline = 1, l.in.deadline = deadline;
         least.probe[0].velocity_m_s[2] = speed_m_s;
-        if (deadline > 0) kn_state_copy(l.model, beside, l.state), kn_step(l.model, beside, &least, &shortest);
+        if (deadline > 0)
+            kn_state_copy(l.model, beside, l.state), kn_step(l.model, beside, l.scratch, &least, &shortest);
         move(&l, 0, 0, 0, speed_m_s, 1);
         s.over += deadline > 0 && l.out.units > (deadline > shortest.units ? deadline : shortest.units);
         if (l.out.units > s.units) s.units = l.out.units;

@@ -29,7 +29,8 @@ static double carry(lattice *l, kn_level_plate *plate, double load_n, double sec
     kn_state *trial = kn_state_create(l->model);
     kn_level_plate_lower(plate, l->model, l->state);
     for (int i = 0; i < (int)lround(seconds / l->model->def.solver.dt_s); i++) {
-        CHECK(kn_level_plate_step(plate, l->model, l->state, trial, load_n, &l->in, &l->out) == KN_PLATE_CARRIED);
+        CHECK(kn_level_plate_step(plate, l->model, l->state, trial, l->scratch, load_n, &l->in, &l->out) ==
+              KN_PLATE_CARRIED);
         CHECK_NEAR(l->out.probe[0].force_n[2], load_n, KN_LEVEL_PLATE_TOLERANCE * load_n);
     }
     kn_state_destroy(trial);
@@ -135,7 +136,7 @@ TEST("a weight that squeezes the block flat is reported, and the state stays tha
     uint64_t before = 0;
     for (; steps < 1000 && status == KN_PLATE_CARRIED; steps++) {
         before = kn_state_hash(l.model, l.state);
-        status = kn_level_plate_step(&plate, l.model, l.state, trial, 90 * GF_N, &l.in, &l.out);
+        status = kn_level_plate_step(&plate, l.model, l.state, trial, l.scratch, 90 * GF_N, &l.in, &l.out);
     }
     printf("     %d steps, %.3g mm\n", steps, 1e3 * plate.height_m);
     CHECK(status == KN_PLATE_FLAT && plate.height_m > 0 && plate.height_m < 2e-3);
@@ -181,7 +182,7 @@ TEST("a plate follows a weight up and down, also where its nodes come off togeth
         kn_level_plate_lower(&plate, l.model, l.state);
         for (int i = 0; i < 5; i++)
             for (int s = 0; s < 100; s++)
-                CHECK(kn_level_plate_step(&plate, l.model, l.state, trial, load_n[i], &l.in, &l.out) ==
+                CHECK(kn_level_plate_step(&plate, l.model, l.state, trial, l.scratch, load_n[i], &l.in, &l.out) ==
                       KN_PLATE_CARRIED);
         kn_state_destroy(trial);
     }

@@ -22,7 +22,7 @@ static void top_after(lattice *l, double seconds, double leaning, double mean_m[
     for (int i = 0; i < l->model->node_count; i++)
         kn_real_set(l->model, l->state->displacement, l->model->offset[i], leaning * l->model->rest_m[i][2]);
     for (int i = 0; i < (int)(seconds / l->model->def.solver.dt_s); i++)
-        if (kn_step(l->model, l->state, &l->in, &l->out) != KN_OK) break;
+        if (kn_step(l->model, l->state, l->scratch, &l->in, &l->out) != KN_OK) break;
     memset(mean_m, 0, 3 * sizeof *mean_m);
     for (int t = 0; t < l->model->top_count; t++) {
         double u[3];

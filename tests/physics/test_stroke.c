@@ -149,7 +149,7 @@ static void kernel_error(const kn_material *mat, const edge_run *r, kn_precision
 {
     LATTICE l = lattice_of(bar_def(mat, precision, isa));
     const kn_model *m = l.model;
-    kn_work *work = kn_state_work(l.state);
+    kn_work *work = &l.scratch->work;
     const size_t top = m->offset[1] + 2 * m->stride;
     const double h = m->def.spacing_m;
     memset(error, 0, 3 * sizeof *error);
@@ -158,7 +158,7 @@ static void kernel_error(const kn_material *mat, const edge_run *r, kn_precision
         memset(work->r, 0, kn_state_field(m, 3));
         memset(work->p, 0, kn_state_field(m, 6));
         memset(work->row_moved, 1, (size_t)m->row_count);
-        m->kernels->edge(m, l.state, KN_LINEARIZATION_BLEND, false);
+        m->kernels->edge(m, l.state, work, KN_LINEARIZATION_BLEND, false);
         double inertia = kn_real_get(m, l.state->velocity, top) - kn_real_get(m, work->guess, top);
         double force = -kn_real_get(m, work->r, top) + m->node_mass_kg[1] / DT * inertia;
         keep_largest(error, fabs(force / (m->kappa_m * h) - r->stress_pa[i]) / r->peak_pa);
@@ -202,7 +202,7 @@ TEST("Runge-Kutta with stops matches the implicit step within 1e-3 of the peak a
         kn_boundary boundary = {(uint8_t[]){7, 7}, (const double(*)[3])velocity, NULL, reaction};
         for (int s = 0; s < STEPS; s++) {
             velocity[1][2] = driven_rate(s) * def.spacing_m;
-            for (int k = 0; k < per; k++) kn_rk4_step(l.model, l.state, &boundary, kn_state_scratch(l.state)->stages);
+            for (int k = 0; k < per; k++) kn_rk4_step(l.model, l.state, &boundary, l.scratch->stages);
             keep_largest(error, fabs(-reaction[0][2] / area - r.stress_pa[s]) / r.peak_pa);
         }
         CHECK_NEAR(error[2], 0, i % 2 ? 1e-4 : 1e-3);

@@ -229,7 +229,7 @@ TEST("sixteen undo points are kept, and the oldest are dropped")
     OWN(rig) *r = rig_make(NULL);
     AT_END(kn_undo_free) kn_undo points = {0};
     CHECK(kn_undo_init(&points, r->model) && points.room == KN_UNDO_POINTS);
-    CHECK(kn_undo_bytes(r->model) == KN_UNDO_POINTS * kn_state_kept(r->model));
+    CHECK(kn_undo_bytes(r->model) == KN_UNDO_POINTS * kn_state_size(r->model));
     OWN(kn_state) *state = kn_state_create(r->model);
     for (int i = 1; i <= 20; i++) {
         ((float *)state->displacement)[0] = 1e-3f * (float)i;
@@ -248,7 +248,7 @@ TEST("an object restored under a tool releases it through zero force and has exa
 {
     OWN(rig) *r = rig_make(NULL);
     finger_in(r, 0.008);
-    OWN(kn_state) *then = kn_state_keep(r->model);
+    OWN(kn_state) *then = kn_state_create(r->model);
     kn_state_copy(r->model, then, object(r));
     hover(r, 1, 50);
     CHECK(r->out.force[1].force_n[2] > 0.2);

@@ -24,8 +24,8 @@ static desk *desk_of(const char *file, const char *set)
     desk *d = calloc(1, sizeof *d);
     d->r = rig_make_of(file, set);
     d->found.servo = d->r->servo;
-    d->saved.state = kn_state_keep(d->r->model);
-    d->found.state = kn_state_keep(d->r->model);
+    d->saved.state = kn_state_create(d->r->model);
+    d->found.state = kn_state_create(d->r->model);
     d->bytes = malloc(kn_saved_size_max(d->r->model) + 1);
     strcpy(d->directory, "/tmp/knead_snapshot_XXXXXX");
     if (!mkdtemp(d->directory)) exit(1);

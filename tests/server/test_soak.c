@@ -78,13 +78,13 @@ static void restart(soak *s, int64_t tick)
     size_t room = kn_saved_size_max(model);
     uint8_t *bytes = malloc(room);
     kn_saved saved = {.servo = s->f->loop.servo, .tick = tick, .utime = 1700000000000000, .generation = 1};
-    saved.state = kn_state_keep(model);
+    saved.state = kn_state_create(model);
     kn_state_copy(model, saved.state, kn_loop_fixture_state(s->f));
     size_t size = kn_saved_encode(s->f->scene, model, &saved, bytes, room);
     kn_state_destroy(saved.state);
     end_server(s);
     start_server(s);
-    kn_saved found = {.servo = s->f->loop.servo, .state = kn_state_keep(s->f->model)};
+    kn_saved found = {.servo = s->f->loop.servo, .state = kn_state_create(s->f->model)};
     if (size == 0 || !kn_saved_decode(s->f->scene, s->f->model, bytes, size, &found, why, sizeof why))
         printf("%s\n", why), exit(1);
     s->f->backend.restore(s->f->backend.self, found.state);
