@@ -269,6 +269,8 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
 
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size)
 {
+    const kn_model_def standard = kn_model_def_default();
+    if (!def) def = &standard;
     const char *wrong = check(def);
     if (wrong) {
         fail(error, error_size, wrong);

@@ -20,6 +20,8 @@ kn_model_def kn_model_def_default(void)
         .diagonal_stiffness = 1,
         .inside_pressure_pa = 101325, // 1 atm
         .force_factor = 1,
+        .probe_count = 1,
+        .probe[0] = {.name = "finger", .shape = KN_PROBE_SPHERE, .radius_m = 0.015},
         .solver =
             {.dt_s = 1e-3, .iterations = 4, .iterations_max = 24, .tolerance = 1e-3, .passes = 1, .mass_scale = 1},
     };

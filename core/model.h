@@ -199,15 +199,16 @@ typedef struct kn_model {
 } kn_model;
 
 // Return the default definition: a block of the first paper's dough, 5 x 5 x 3 cm with cells of 1 cm, bonded to the
-// table, without probes. Its solver is the implicit one: F32, BLEND, steps of 1 ms, 4 to 24 iterations.
+// table, and one probe, a ball of 3 cm named finger. Its solver is the implicit one: F32, BLEND, steps of 1 ms, 4 to 24
+// iterations.
 kn_model_def kn_model_def_default(void);
 
 // Store the extent of the box around the undeformed object along x, y, z, m. The object's base is centred over the
 // origin.
 void kn_model_def_extent(const kn_model_def *def, double extent_m[3]);
 
-// Build a model, which the caller destroys. The model copies `def`, but not the mesh and the parts to which `def`
-// points. If the model cannot be built, return NULL and store one sentence in error[error_size]. If the step of RK4 is
+// Build a model, which the caller destroys. `def` NULL: the default definition. The model copies `def`, but not the mesh
+// and the parts to which `def` points. If the model cannot be built, return NULL and store one sentence in error[error_size]. If the step of RK4 is
 // unstable, the sentence names the longest stable step.
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);
 void kn_model_destroy(kn_model *model); // does nothing if `model` is NULL

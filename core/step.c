@@ -80,11 +80,25 @@ static bool all_finite(const kn_model *m, const kn_state *state, const kn_output
 
 // --- the step -------------------------------------------------------------------------------------------------------
 
+const char *kn_version(void) { return KN_VERSION; }
+
+const char *kn_status_text(kn_status status)
+{
+    switch (status) {
+    case KN_OK: return "the step was taken";
+    case KN_DIVERGED: return "a number is not finite; all forces are 0 until the state is reset";
+    case KN_NO_PROBE: return "the input attaches a probe that the model does not have";
+    }
+    return "unknown status";
+}
+
 kn_status kn_step(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, kn_output *output)
 {
     kn_contact *contact = &scratch->contact;
     memset(output, 0, sizeof *output);
     scratch->state = NULL; // until the step has ended, the scratch holds no contact of a state
+    for (int p = model->def.probe_count; p < KN_PROBES_MAX; p++)
+        if (input->probe[p].attached) return KN_NO_PROBE;
     if (state->bad) return KN_DIVERGED;
     const kn_solver kind = model->def.solver.kind;
     const bool rk4 = kind == KN_SOLVER_RK4;

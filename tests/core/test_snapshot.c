@@ -94,7 +94,7 @@ TEST("for every kind of object a restored snapshot continues with the same bits 
 
 TEST("states that share a scratch have the bits of states with their own, also beside one that diverges")
 {
-    enum { STATES = 3, TICKS = 200 };
+    enum { STATES = 2, TICKS = 120 };
     for (const kind *k = kinds; k < kinds + COUNT(kinds); k++) {
         LATTICE l = object_of(k->scene, k->set);
         lattice alone[STATES], shared[STATES];
@@ -111,7 +111,7 @@ TEST("states that share a scratch have the bits of states with their own, also b
                 press_to(&alone[i], k, t - 40 * i);
                 press_to(&shared[i], k, t - 40 * i);
             }
-            if (t % 50 != 0 || t <= 40 * STATES) continue;
+            if (t % 30 != 0 || t <= 40 * STATES) continue;
             const int p = k == PINCH;
             CHECK(kn_touch_read(l.model, shared[STATES - 1].state, l.scratch, p, &touch));
             CHECK(!kn_touch_read(l.model, shared[0].state, l.scratch, p, &touch) && touch.area_m2 == 0);
