@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Read the public headers and write what they declare, so that no declaration is written twice.
 
-    declare.py abi SOURCE     the text of core/libknead.abi: functions, tables, enums and struct layouts
-    declare.py ctypes SOURCE  the module knead/_api.py of the Python package
+    declare.py abi SOURCE             the text of core/libknead.abi: functions, tables, enums and struct layouts
+    declare.py ctypes SOURCE VERSION  the module knead/_api.py of the Python package
 
 SOURCE is the project's folder. The C preprocessor ($CC or cc) reads core/knead.h.
 """
@@ -109,9 +109,9 @@ class Api:
                 kind = f'POINTER({kind})' if n is None or n == 0 else f'{kind} * {n}'
             yield name, f'POINTER({kind})' if to_array else kind
 
-    def ctypes_text(self):
+    def ctypes_text(self, version=''):
         lines = ['"""What the headers of libknead declare. Written by declare.py; do not edit."""',
-                 'from ctypes import *', '']
+                 'from ctypes import *', '', f'KN_VERSION = {version!r}']
         for name, value in sorted(self.constants.items()):
             lines.append(f'{name} = {value!r}')
         for values in self.enums.values():
@@ -142,7 +142,7 @@ class Api:
 
 
 if __name__ == '__main__':
-    if len(sys.argv) != 3 or sys.argv[1] not in ('abi', 'ctypes'):
+    if sys.argv[1:2] not in (['abi'], ['ctypes']) or len(sys.argv) != {'abi': 3, 'ctypes': 4}[sys.argv[1]]:
         sys.exit(__doc__)
     api = Api(sys.argv[2])
-    print(api.abi_text() if sys.argv[1] == 'abi' else api.ctypes_text(), end='')
+    print(api.abi_text() if sys.argv[1] == 'abi' else api.ctypes_text(sys.argv[3]), end='')
