@@ -1,0 +1,19 @@
+// Touch the dough of a running kneadd (kneadd --scene core/scenes/dough-small.yaml), in C or C++; touch.py and touch.js do
+// the same. cc -I clients -o touch clients/examples/touch.c -lm && ./touch
+#include "knead_hand.h"
+#include <math.h>
+
+int main(void)
+{
+    kn_hand hand;
+    if (!kn_hand_open(&hand, "finger")) return perror("touch: no LCM; is there a multicast route?"), 3;
+    for (int ms = 0; ms < 4000; ms++) { // down and up, 60 to 37 mm above the table
+        const double phase = 2 * 3.14159265358979 * ms / 4000, up[3] = {0, 0, 0.0485 + 0.0115 * cos(phase)};
+        const double speed[3] = {0, 0, -0.0115 * 2 * 3.14159265358979 / 4 * sin(phase)};
+        double force_n[3];
+        kn_hand_move(&hand, up, speed, force_n);
+        if (ms % 250 == 0) printf("z %5.1f mm   force %6.2f N   %s\n", 1e3 * up[2], force_n[2], hand.trouble);
+    }
+    kn_hand_close(&hand);
+    return 0;
+}

@@ -1,0 +1,44 @@
+#!/usr/bin/env bash
+# The hands that need no build, on a served dough: clients/examples/touch.* in C, C++, Python and JavaScript, one after the
+# other. Each feels the dough, leaves without a fault, and gives no force once kneadd is gone; Python's also with a key.
+set -u
+source "$KN_SOURCE/tests/e2e/kneadd.sh"
+
+examples=$KN_SOURCE/clients/examples
+export PYTHONPATH=$KN_BUILD/python
+cc -Wall -Wextra -Wconversion -Werror -I "$KN_SOURCE/clients" -o touch_c "$examples/touch.c" -lm
+c++ -x c++ -Wall -Wextra -Wconversion -Werror -I "$KN_SOURCE/clients" -o touch_cpp "$examples/touch.c" -lm
+feels() { awk '$1 == "z" && $5 > 0.5 { n++ } END { exit n == 0 }' "$1"; } # the dough keeps the first hand's dent
+
+start_kneadd dough-small.yaml
+for hand in ./touch_c ./touch_cpp "/usr/bin/python3 $examples/touch.py" "node $examples/touch.js"; do
+    $hand >hand.txt 2>&1
+    check "${hand##*/} ends with 0" [ $? = 0 ]
+    check "${hand##*/} feels the dough, up to $(awk '{ print $5 }' hand.txt | sort -g | tail -n 1) N" feels hand.txt
+    cat hand.txt >>hands.txt
+done
+kill -INT "$server" && wait "$server"
+check "no hand left a fault" [ "$(grep -cE 'FAULT|fault|latched' kneadd.log hands.txt | grep -v ':0$' | wc -l)" = 0 ]
+
+openssl rand -hex 32 >key && chmod 600 key
+start_kneadd dough-small.yaml --key key
+cat >signed.py <<'PY'
+import math, sys, knead
+felt = 0
+with knead.Hand('finger', key=sys.argv[1]) as hand:
+    for ms in range(4000):
+        phase = 2 * math.pi * ms / 4000
+        z, speed = 0.0485 + 0.0115 * math.cos(phase), -0.0115 * 2 * math.pi / 4 * math.sin(phase)
+        felt = max(felt, hand.move((0, 0, z), (0, 0, speed))[2])
+print('%.1f %s' % (felt, hand.trouble()))
+PY
+/usr/bin/python3 signed.py key >signed.txt
+check "Python's hand feels a dough whose kneadd has a key" awk '{ exit $1 < 0.5 }' signed.txt
+openssl rand -hex 32 >other && chmod 600 other
+/usr/bin/python3 signed.py other >other.txt
+check "with another key it gives no force, and says so" grep -q '^0.0 no force from kneadd' other.txt
+
+/usr/bin/python3 "$examples/touch.py" >/dev/null 2>&1 & unsigned=$!
+kill -KILL "$server" && wait "$server" 2>/dev/null
+wait $unsigned
+exit $failed
