@@ -20,6 +20,24 @@
 // --- checks of a definition -----------------------------------------------------------------------------------------
 
 static bool is_real(double x) { return x >= 0 && isfinite(x); }
+static bool is_choice(int value, int last) { return value >= 0 && value <= last; }
+
+// Check that every choice of a definition is one of its enum: a program may have filled it from anywhere.
+static const char *check_choices(const kn_model_def *def)
+{
+    const kn_solver_def *s = &def->solver;
+    if (!is_choice((int)s->kind, KN_SOLVER_FIXED) || !is_choice((int)s->precision, KN_PRECISION_F64) ||
+        !is_choice((int)s->linearization, KN_LINEARIZATION_TANGENT) || !is_choice((int)s->isa, KN_ISA_AVX512))
+        return "the solver's kind, precision, linearization or isa is none of its enum";
+    if (!is_choice((int)def->structure, KN_STRUCTURE_AXIS) || !is_choice((int)def->pressure, KN_PRESSURE_OBJECT) ||
+        !is_choice((int)def->support, KN_SUPPORT_FRICTION) || !is_choice((int)def->skin, KN_SKIN_BILINEAR))
+        return "structure, pressure, support or skin is none of its enum";
+    for (int p = 0; p < def->probe_count && p < KN_PROBES_MAX; p++)
+        if (!is_choice((int)def->probe[p].shape, KN_PROBE_MESH) ||
+            !is_choice((int)def->probe[p].surface, KN_PLATE_SLIDES))
+            return "a probe's shape or surface is none of its enum";
+    return NULL;
+}
 
 // Check contact and coupling of one probe. Every check function in this file returns NULL, or a sentence that says what
 // is wrong.
@@ -117,7 +135,8 @@ static const char *check_solver(const kn_solver_def *s)
 // Check a whole definition: first its parts, then whether the parts fit together.
 static const char *check(const kn_model_def *def)
 {
-    const char *wrong = kn_material_check(&def->material);
+    const char *wrong = check_choices(def);
+    if (!wrong) wrong = kn_material_check(&def->material);
     if (!wrong) wrong = check_lattice(def);
     if (!wrong) wrong = check_solver(&def->solver);
     if (!wrong) wrong = kn_composite_check(def);

@@ -123,8 +123,7 @@ kn_status kn_ensemble_step(kn_ensemble *ensemble, int steps, const kn_input inpu
 {
     kn_ensemble *e = ensemble;
     for (int i = 0; i < e->count; i++)
-        for (int p = e->model->def.probe_count; p < KN_PROBES_MAX; p++)
-            if (input[i].probe[p].attached) return KN_NO_PROBE;
+        if (!kn_input_fits(e->model, &input[i])) return KN_BAD_INPUT;
     pthread_mutex_lock(&e->lock);
     e->steps = steps, e->input = input, e->output = output, e->touch = touch;
     e->next = 0;

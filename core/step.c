@@ -87,9 +87,20 @@ const char *kn_status_text(kn_status status)
     switch (status) {
     case KN_OK: return "the step was taken";
     case KN_DIVERGED: return "a number is not finite; all forces are 0 until the state is reset";
-    case KN_NO_PROBE: return "the input attaches a probe that the model does not have";
+    case KN_BAD_INPUT: return "the input attaches a probe that the model does not have, or its effort is out of range";
     }
     return "unknown status";
+}
+
+bool kn_input_fits(const kn_model *model, const kn_input *input)
+{
+    const kn_effort *e = &input->effort;
+    for (int p = model->def.probe_count; p < KN_PROBES_MAX; p++)
+        if (input->probe[p].attached) return false;
+    if (e->iterations == 0) return true;
+    return e->iterations > 0 && e->iterations_max >= e->iterations && e->iterations_max <= 100000 &&
+           e->tolerance >= 0 && e->tolerance < 1 && e->passes >= 1 && e->passes <= 100 && (int)e->linearization >= 0 &&
+           e->linearization <= KN_LINEARIZATION_TANGENT;
 }
 
 kn_status kn_step(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, kn_output *output)
@@ -97,8 +108,7 @@ kn_status kn_step(const kn_model *model, kn_state *state, kn_scratch *scratch, c
     kn_contact *contact = &scratch->contact;
     memset(output, 0, sizeof *output);
     scratch->state = NULL; // until the step has ended, the scratch holds no contact of a state
-    for (int p = model->def.probe_count; p < KN_PROBES_MAX; p++)
-        if (input->probe[p].attached) return KN_NO_PROBE;
+    if (!kn_input_fits(model, input)) return KN_BAD_INPUT;
     if (state->bad) return KN_DIVERGED;
     const kn_solver kind = model->def.solver.kind;
     const bool rk4 = kind == KN_SOLVER_RK4;

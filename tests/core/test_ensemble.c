@@ -59,7 +59,7 @@ TEST("an ensemble refuses an unknown probe without a step, and one state that di
     kn_input in[STATES] = {0};
     kn_output out[STATES];
     in[2].probe[1].attached = true;
-    CHECK(kn_ensemble_step(e, 1, in, out, NULL) == KN_NO_PROBE && kn_ensemble_state(e, 0)->tick == 0);
+    CHECK(kn_ensemble_step(e, 1, in, out, NULL) == KN_BAD_INPUT && kn_ensemble_state(e, 0)->tick == 0);
     in[2].probe[1].attached = false;
     kn_real_set(l.model, kn_ensemble_state(e, 4)->velocity, l.model->offset[l.model->node_count - 1], NAN);
     CHECK(kn_ensemble_step(e, 50, in, out, NULL) == KN_DIVERGED);

@@ -43,7 +43,7 @@ int main(int argc, char **argv)
     if (!state || !scratch) return fprintf(stderr, "%s\n", error), 1;
     kn_input in = {.top_load_n = 0.5, .probe[3].attached = true}; // the scene has fewer tools
     kn_output out;
-    if (kn_step(model, state, scratch, &in, &out) != KN_NO_PROBE) return 1;
+    if (kn_step(model, state, scratch, &in, &out) != KN_BAD_INPUT) return 1;
     in.probe[3].attached = false;
     for (int i = 0; i < 100; i++)
         if (kn_step(model, state, scratch, &in, &out) != KN_OK) return 1;
