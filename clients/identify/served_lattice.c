@@ -50,7 +50,7 @@ static kn_model *make_lattice(const kn_served_lattice *served, const kn_material
     def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {1, 1}};
     def.solver.precision = KN_PRECISION_F32;
     def.solver.dt_s = STEP_S;
-    def.solver.passes = 3;
+    def.solver.passes = 12;
     def.solver.iterations_max = 300;
     def.solver.tolerance = 1e-3;
     return kn_model_build(&def, error, sizeof error);

@@ -181,14 +181,12 @@ static double line_us(const kn_model *model, double iterations)
 double kn_tick_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
 {
     int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
-    // Least number of linearisations per step that the material law needs, even if the scene sets fewer.
-    int lines = kn_impact_lines(model);
-    return (effort->passes > lines ? effort->passes : lines) * line_us(model, at_cap ? effort->iterations_max : usual);
+    return kn_impact_lines(model, effort->passes) * line_us(model, at_cap ? effort->iterations_max : usual);
 }
 
 double kn_tick_cost_blow_us(const kn_model *model, const kn_effort *effort)
 {
-    int lines = kn_impact_lines(model) > effort->passes ? kn_impact_lines(model) : effort->passes;
+    const int lines = kn_impact_lines(model, effort->passes);
     // No step is solved again if the material law is linear, or if every step already has the largest number of
     // linearisations.
     if (isinf(kn_impact_power(model)) || lines >= KN_IMPACT_PASSES) return 0;

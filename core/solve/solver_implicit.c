@@ -346,8 +346,13 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *scrat
     // constrain the held nodes
     prescribe(model, state, s);
     double rz = 0, start = 0;
-    // a material may need more than one linearisation in every step
-    int least = kn_impact_lines(model), passes = s->effort.passes > least ? s->effort.passes : least;
+    // a material or a long step may need more than one linearisation; `unsolved`: share of the first residual at which
+    // the law counts as solved
+    const bool demand = kn_step_on_demand(model, s->effort.passes);
+    int passes = kn_impact_lines(model, s->effort.passes);
+    if (demand) s->effort.tolerance *= KN_LONG_SOLVED;
+    const double on_demand = model->def.pressure == KN_PRESSURE_NONE ? KN_LONG_LAW : KN_LONG_LAW_GAS;
+    const double unsolved = demand ? on_demand : s->effort.tolerance;
     bool impact = false;
     // begin to count the work; if the deadline leaves time for too few linearisations and a plate strikes fast, start
     // from a guess of the flow under the plate
@@ -370,10 +375,10 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *scrat
         if (pass == 0) start = note_start(model, state, rz);
         if (pass == 0 && kn_impact(model, state, &s->contact, rz)) {
             impact = true;
-            if (passes < KN_IMPACT_PASSES) passes = KN_IMPACT_PASSES;
+            if (passes < KN_IMPACT_PASSES && !kn_step_is_long(model)) passes = KN_IMPACT_PASSES;
         }
         // stop when the guess meets the law itself, not only its linearisation
-        if (pass > 0 && rz <= s->effort.tolerance * s->effort.tolerance * start) break;
+        if (pass > 0 && rz <= unsolved * unsolved * start) break;
         output->iterations = 0;
         if (input->deadline > 0) output->capped = false; // only the last linearisation may set `capped`
         // share the remaining time among the linearisations that follow, then solve this one

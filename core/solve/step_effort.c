@@ -44,12 +44,24 @@ static double pressed(const kn_model *m, const kn_state *state, const kn_contact
     return most * m->def.solver.dt_s / m->law.s1_pa / KN_IMPACT_PRESS;
 }
 
-int kn_impact_lines(const kn_model *model)
+// Return true if every step needs several linearisations, because the law yields suddenly.
+static bool bends(const kn_model *model)
 {
     const kn_material *mat = &model->law.mat;
-    if (!(model->law.s1_pa > 0)) return 1;
-    if (model->def.solver.dt_s >= KN_IMPACT_LONG_S) return 12;
-    return kn_material_thinning(mat, mat->p1_pa) * mat->p1_pa > KN_IMPACT_BEND ? 4 : 1;
+    return model->law.s1_pa > 0 && kn_material_thinning(mat, mat->p1_pa) * mat->p1_pa > KN_IMPACT_BEND;
+}
+
+bool kn_step_is_long(const kn_model *model) { return model->law.s1_pa > 0 && model->def.solver.dt_s >= KN_LONG_S; }
+
+bool kn_step_on_demand(const kn_model *model, int passes)
+{
+    return kn_step_is_long(model) && passes == 1 && !bends(model);
+}
+
+int kn_impact_lines(const kn_model *model, int passes)
+{
+    if (kn_step_is_long(model)) return passes > 1 ? passes : KN_LONG_LINES;
+    return bends(model) && passes < 4 ? 4 : passes;
 }
 
 double kn_impact_power(const kn_model *model)

@@ -42,15 +42,33 @@
 // In this tenth of a second, KN_IMPACT_POWER is multiplied by this factor.
 #define KN_IMPACT_AFTER 0.1
 
-// Return the number of linearisations that every step of a model needs. The number is 1 if the law is nearly straight
-// and the step is shorter than KN_IMPACT_LONG_S. Let r be the ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A
-// linearisation that is half tangent and half secant reduces an error to (r - 1)/(r + 1) of its size. r is 8 for dough,
-// and the linearisation of the next step corrects the remaining error. r is some hundreds for a ramp, which yields
-// suddenly at p1, so a ramp needs several linearisations.
-int kn_impact_lines(const kn_model *model);
+// Return the largest number of linearisations of a step of a model that is not an impact. `passes`: the number that the
+// effort asks for. Let r be the ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A linearisation that is half
+// tangent and half secant reduces an error to (r - 1)/(r + 1) of its size. r is 8 for dough, and the linearisation of the
+// next step corrects the remaining error. r is some hundreds for a ramp, which yields suddenly at p1, so every step of a
+// ramp needs several linearisations.
+int kn_impact_lines(const kn_model *model, int passes);
 #define KN_IMPACT_BEND 32.0 // if s |d ln c2/ds| at p1 exceeds this limit, every step needs several linearisations
-// If the time step is at least this long, every step needs several linearisations, except under a straight law. [s]
-#define KN_IMPACT_LONG_S 0.01
+
+// --- long steps -----------------------------------------------------------------------------------------------------
+
+// A long step is one of at least KN_LONG_S under a law that bends, as a search or a learner takes it. Nearly every one
+// would be an impact, since a tool goes ten times as far as in 1 ms. Its error comes from its length, not from its
+// lines: a ball that strokes dough has an error of 3 % of its peak force with one line as with seven (bench/learner has
+// the table). So a long step takes no line because of an impact. An effort of more than one pass gets just this number
+// of lines. With one pass, the step takes lines on demand: a further one, up to KN_LONG_LINES, while the law is unsolved
+// by more than KN_LONG_LAW of the residual with which the step began, each solved to KN_LONG_SOLVED times the tolerance.
+// That is 1.1 to 1.4 lines. Gas, a thousand times as stiff as the dough, makes up most of the residual and hides the
+// dough's part, so with gas the limit is KN_LONG_LAW_GAS. For a ramp all lines go to the tolerance.
+#define KN_LONG_S 0.002
+#define KN_LONG_LINES 12
+#define KN_LONG_LAW 0.3
+#define KN_LONG_LAW_GAS 0.1
+#define KN_LONG_SOLVED 10.0
+
+bool kn_step_is_long(const kn_model *model);
+// Return true if a long step of this many passes takes its lines on demand.
+bool kn_step_on_demand(const kn_model *model, int passes);
 
 // Return the limit of r.z [W] above which a step of the model is an impact. The limit is infinite for a straight law.
 double kn_impact_power(const kn_model *model);

@@ -90,6 +90,39 @@ TEST("gas that expands at 1 MPa in steps of 10 ms moves the dough like the conve
     }
 }
 
+// Stroke dough with a ball in steps of dt: 0.8 s down at 1.5 cm/s and sideways. Return the force, and the mean number of
+// linearisations of a step in *lines.
+static double stroked(kn_model_def def, double dt, double *lines)
+{
+    def.solver.dt_s = dt;
+    LATTICE l = lattice_of(def);
+    const int count = (int)lround(0.8 / dt);
+    *lines = 0;
+    put(&l, 0, 0, 0, 0.046);
+    for (int i = 0; i < count; i++) {
+        move(&l, 0, i * dt < 0.4 ? 0.01 : -0.01, 0, -0.015, 1);
+        *lines += l.out.passes / (double)count;
+    }
+    return l.out.probe[0].force_n[2];
+}
+
+TEST("a long step takes further linearisations on demand: fewer than 1.5, with an error of 3 % in steps of 10 ms and "
+     "1.5 % in steps of 5 ms, as with twelve")
+{
+    double lines;
+    kn_model_def def = kn_model_def_default(), many = def;
+    many.solver.passes = 12;
+    const double exact = stroked(converged(def), 1e-3, &lines);
+    for (int ms = 5; ms <= 10; ms += 5) {
+        const double force = stroked(def, 1e-3 * ms, &lines);
+        printf("     %d ms: %.2f lines, %+.2f %%\n", ms, lines, 100 * (force / exact - 1));
+        CHECK(lines < 1.5);
+        CHECK_NEAR(force, exact, 0.003 * ms * exact);
+        CHECK_NEAR(stroked(many, 1e-3 * ms, &lines), force, 0.005 * exact);
+        CHECK(lines > 3);
+    }
+}
+
 TEST("in a press that comes to rest the solver needs fewer than 60 linearisations and fewer than 5 at the end")
 {
     const press p = {.depth_m = 0.002, .hold_s = 1};

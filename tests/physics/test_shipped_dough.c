@@ -15,7 +15,7 @@ TEST("the shipped dough creeps and recovers under a weight as the first paper's 
                                            "support=frictionless",
                                            "probes.plate.size=[2 cm, 2 cm]",
                                            "solver.dt=30 ms",
-                                           "solver.passes=3",
+                                           "solver.passes=12",
                                            "solver.iterations_max=300"};
         LATTICE l = lattice_of_scene(load_scene("dough.yaml", cube, 6));
         kn_level_plate plate = {0};
