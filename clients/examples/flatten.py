@@ -1,11 +1,12 @@
 """Learn to flatten dough: an environment in the form that learners expect, and a cross-entropy search on it.
 
-    flatten.py [--states N] [--threads N] [--rounds N] [--picture FILE.svg]
+    flatten.py [--states N] [--threads N] [--rounds N] [--picture FILE.png]
 
 A plate of 2 x 6 cm presses a block of dough of 5 x 5 x 3 cm. An action is one press: where along x, and how low the
 plate goes. An episode is six presses and 1 s of rest. The goal: a top that is 20 mm high everywhere.
 """
 import argparse
+import subprocess
 import time
 
 import numpy as np
@@ -65,11 +66,13 @@ class Flatten:
         return self.observe(), -np.abs(b.top_m() - GOAL_M).max(axis=1), True
 
 
-def play(env, plans):
+def play(env, plans, seen=lambda env: None):
     """Play a plan of presses (N, PRESSES, 2) on each state and return the rewards (N,)."""
     env.reset()
     for press in range(PRESSES):
+        seen(env)
         reward = env.step(plans[:, press])[1]
+    seen(env)
     return reward
 
 
@@ -89,15 +92,32 @@ def search(env, rounds, seed=1):
     return best[0], record
 
 
+def picture(path, tops, x_m):
+    """Draw the profile of the top before the first press, after each press, and at the end. Needs gnuplot."""
+    across = np.unique(x_m.round(6))
+    data = [[(1e3 * x, 1e3 * top[x_m.round(6) == x].mean()) for x in across] for top in tops]
+    text = [f"set term pngcairo size 700, 300; set output '{path}'; set xlabel 'x, mm'; set ylabel 'height of the top, mm'",
+            'set yrange [17:32]; set key outside']
+    names = ['before'] + [f'press {i}' for i in range(1, PRESSES)] + ['at rest']
+    text.append('plot ' + ', '.join(f"'-' with lines lw {3 if n[0] != 'p' else 1} title '{n}'" for n in names) +
+                f", {1e3 * GOAL_M} dt 2 lc 'black' title 'goal'")
+    text += ['\n'.join(f'{x} {z}' for x, z in line) + '\ne' for line in data]
+    subprocess.run(['gnuplot'], input='\n'.join(text), text=True, check=True)
+
+
 def main():
     options = argparse.ArgumentParser()
     for name, value in ('states', 64), ('threads', 2), ('rounds', 12):
         options.add_argument('--' + name, type=int, default=value)
+    options.add_argument('--picture')
     options = options.parse_args()
     begin = time.monotonic()
     plan, _ = search(Flatten(options.states, options.threads), options.rounds)
     again = Flatten(1, threads=1)
-    off_mm = -1e3 * play(again, plan[None])[0]
+    tops, at = [], again.batch.model.rest_m[again.batch.model.top, 0]
+    off_mm = -1e3 * play(again, plan[None], lambda env: tops.append(env.batch.top_m()[0]))[0]
+    if options.picture:
+        picture(options.picture, tops, at)
     top = 1e3 * again.batch.top_m()[0]
     print('presses at x, down to', *(f'{1e3 * x:+.1f}, {1e3 * z:.1f};' for x, z in plan), 'mm')
     print(f'top  {top.min():.2f} to {top.max():.2f} mm, goal {1e3 * GOAL_M:.0f} mm, off by {off_mm:.3f} mm at most')
