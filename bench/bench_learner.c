@@ -20,7 +20,6 @@ enum { ACTIONS = 50, DOWN = 40 };
 typedef struct course {
     double force_n[ACTIONS][3];
     double us, lines; // thread's time of a step, number of lines of a step
-    uint64_t hash;
 } course;
 
 static double draw(uint64_t *seed) // uniform in -1 .. 1
@@ -50,7 +49,7 @@ static kn_model *block(bool fine, double dt_s, int passes, bool exact, kn_isa is
     return model;
 }
 
-// Set the velocity of the ball for an action, as state `number` of a batch would choose it.
+// Set the velocity of the ball for an action.
 static void choose(kn_probe_input *ball, int action, uint64_t *seed)
 {
     if (action == 0) ball->attached = true, ball->position_m[2] = 0.046;

@@ -8,6 +8,7 @@
 //     kn_hand_move(&hand, position_m, velocity_m_s, force_n);   1000 times a second: waits for the next millisecond
 //     kn_hand_close(&hand);                              its force fades without a fault, and the tool is free at once
 //
+// Needs POSIX and multicast (cc -std=gnu17, the default). The bus is that of LCM_DEFAULT_URL, else LCM's own.
 // Poses and forces are LCM messages of one datagram (proto/README.md). The hand has a watchdog of its own: it holds a
 // force for 3 ms, fades it to 0 N by 20 ms, and then sends no poses for 1.2 s, which ends the session.
 #include <arpa/inet.h>
@@ -15,6 +16,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <time.h>
@@ -27,7 +29,8 @@ typedef struct kn_hand {
     int socket;          // private from here on
     struct sockaddr_in group;
     char pose[64], force[64]; // channels
-    int64_t session, seq, tick, next_ns, heard_ns, silent_ns, count;
+    int64_t session, seq, tick, next_ns, heard_ns, silent_ns, count, wall_ns;
+    double last_m[3], last_m_s[3]; // newest pose
 } kn_hand;
 
 enum { KN_HAND_POSE = 125, KN_HAND_FORCE = 249 }; // sizes of probe_pose_t and contact_force_t [bytes]
@@ -63,8 +66,12 @@ static inline void kn_hand_put_doubles(unsigned char *at, const double *values, 
 static inline bool kn_hand_open(kn_hand *h, const char *tool)
 {
     const int on = 1;
-    const unsigned char ttl = 0;
+    const char *url = getenv("LCM_DEFAULT_URL");
+    char address[16] = "239.255.76.67";
+    unsigned port = 7667, hops = 0;
     struct ip_mreq member;
+    if (url) sscanf(url, "udpm://%15[0-9.]:%u?ttl=%u", address, &port, &hops);
+    const unsigned char ttl = (unsigned char)hops;
     memset(h, 0, sizeof *h);
     memset(&member, 0, sizeof member);
     snprintf(h->pose, sizeof h->pose, "KNEAD_POSE_%.40s", tool);
@@ -72,9 +79,10 @@ static inline bool kn_hand_open(kn_hand *h, const char *tool)
     h->trouble = "";
     h->session = kn_hand_now(CLOCK_REALTIME);
     h->next_ns = kn_hand_now(CLOCK_MONOTONIC);
+    h->wall_ns = kn_hand_now(CLOCK_REALTIME) - h->next_ns; // read once: a clock that is set back would end the session
     h->group.sin_family = AF_INET;
-    h->group.sin_port = htons(7667);
-    member.imr_multiaddr.s_addr = h->group.sin_addr.s_addr = inet_addr("239.255.76.67");
+    h->group.sin_port = htons((uint16_t)port);
+    member.imr_multiaddr.s_addr = h->group.sin_addr.s_addr = inet_addr(address);
     h->socket = socket(AF_INET, SOCK_DGRAM, 0);
     if (h->socket >= 0 && setsockopt(h->socket, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) == 0 &&
         setsockopt(h->socket, SOL_SOCKET, SO_REUSEPORT, &on, sizeof on) == 0 &&
@@ -91,13 +99,15 @@ static inline void kn_hand_send(kn_hand *h, const double position_m[3], const do
 {
     unsigned char data[8 + 64 + KN_HAND_POSE] = {0}, *p;
     const double upright[4] = {1, 0, 0, 0};
+    memmove(h->last_m, position_m, sizeof h->last_m);
+    memmove(h->last_m_s, velocity_m_s, sizeof h->last_m_s);
     const int64_t now_ns = kn_hand_now(CLOCK_MONOTONIC);
     kn_hand_put(data, 0x4c433032, 4); // "LC02", a message of one datagram
     kn_hand_put(data + 4, (uint64_t)++h->count, 4);
     memcpy(data + 8, h->pose, strlen(h->pose));
     p = data + 8 + strlen(h->pose) + 1;
     kn_hand_put(p, 0xedade4a5caa88ff7, 8); // fingerprint of probe_pose_t
-    kn_hand_put(p + 8, (uint64_t)(kn_hand_now(CLOCK_REALTIME) / 1000), 8);
+    kn_hand_put(p + 8, (uint64_t)((h->wall_ns + now_ns) / 1000), 8);
     kn_hand_put(p + 16, (uint64_t)h->session, 8);
     kn_hand_put(p + 24, (uint64_t)++h->seq, 8);
     kn_hand_put(p + 32, (uint64_t)now_ns, 8);
@@ -155,9 +165,8 @@ static inline void kn_hand_move(kn_hand *h, const double position_m[3], const do
 
 static inline void kn_hand_close(kn_hand *h)
 {
-    const double none[3] = {0, 0, 0};
     if (h->socket < 0) return;
-    if (h->heard_ns && !h->silent_ns) kn_hand_send(h, none, none, 1 << 30); // leaving
+    if (h->heard_ns && !h->silent_ns) kn_hand_send(h, h->last_m, h->last_m_s, 1 << 30); // leaving, from where it is
     close(h->socket);
     h->socket = -1;
 }

@@ -12,7 +12,8 @@ const dgram = require('node:dgram')
 const { randomBytes } = require('node:crypto')
 const { setTimeout: sleep } = require('node:timers/promises')
 
-const GROUP = '239.255.76.67', PORT = 7667, SMALL = 0x4c433032
+const BUS = new URL((process.env.LCM_DEFAULT_URL || 'udpm://239.255.76.67:7667?ttl=0').replace(/^udpm/, 'http'))
+const GROUP = BUS.hostname, PORT = Number(BUS.port) || 7667, TTL = Number(BUS.searchParams.get('ttl')), SMALL = 0x4c433032
 const POSE = 0xedade4a5caa88ff7n, FORCE = 0x75bbe2590573aa90n // fingerprints of probe_pose_t and contact_force_t
 const POSE_BYTES = 125, FORCE_BYTES = 249, HOLD_MS = 3, ZERO_MS = 20, SILENCE_MS = 1200
 const LATCHED = 4, LEAVING = 1 << 30
@@ -30,8 +31,13 @@ class Hand {
         return new Promise((done, fail) => {
             hand.socket.once('error', fail)
             hand.socket.bind(PORT, GROUP, () => {
-                hand.socket.addMembership(GROUP)
-                hand.socket.setMulticastTTL(0)
+                try {
+                    hand.socket.addMembership(GROUP)
+                    hand.socket.setMulticastTTL(TTL)
+                } catch (error) {
+                    hand.socket.close()
+                    return fail(new Error(`no LCM on ${GROUP}:${PORT}: ${error.message}; is there a multicast route?`))
+                }
                 hand.socket.on('error', () => {}) // a pose that is not sent is a pose lost
                 done(hand)
             })
@@ -46,6 +52,7 @@ class Hand {
     }
 
     send(position_m, velocity_m_s, buttons) {
+        this.last = [position_m, velocity_m_s]
         const start = 8 + this.pose.length, data = Buffer.alloc(start + POSE_BYTES), p = data.subarray(start)
         data.writeUInt32BE(SMALL)
         data.writeUInt32BE(Number(++this.count & 0xffffffffn), 4)
@@ -91,7 +98,9 @@ class Hand {
     }
 
     close() {
-        if (this.heard && !this.silent) this.send([0, 0, 0], [0, 0, 0], LEAVING)
+        if (this.closed) return
+        this.closed = true
+        if (this.heard && !this.silent) this.send(...this.last, LEAVING) // from where it is
         setTimeout(() => this.socket.close(), 10) // once the last datagram is out
     }
 }

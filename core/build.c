@@ -29,6 +29,7 @@ static const char *check_choices(const kn_model_def *def)
     if (!is_choice((int)s->kind, KN_SOLVER_FIXED) || !is_choice((int)s->precision, KN_PRECISION_F64) ||
         !is_choice((int)s->linearization, KN_LINEARIZATION_TANGENT) || !is_choice((int)s->isa, KN_ISA_AVX512))
         return "the solver's kind, precision, linearization or isa is none of its enum";
+    if (!is_choice((int)def->material.damper, KN_DAMPER_RAMP)) return "the material's damper is none of its enum";
     if (!is_choice((int)def->structure, KN_STRUCTURE_AXIS) || !is_choice((int)def->pressure, KN_PRESSURE_OBJECT) ||
         !is_choice((int)def->support, KN_SUPPORT_FRICTION) || !is_choice((int)def->skin, KN_SKIN_BILINEAR))
         return "structure, pressure, support or skin is none of its enum";

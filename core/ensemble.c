@@ -116,12 +116,16 @@ void kn_ensemble_destroy(kn_ensemble *ensemble)
     free(e);
 }
 
-kn_state *kn_ensemble_state(kn_ensemble *ensemble, int number) { return ensemble->state[number]; }
+kn_state *kn_ensemble_state(kn_ensemble *ensemble, int number)
+{
+    return number >= 0 && number < ensemble->count ? ensemble->state[number] : NULL;
+}
 
 kn_status kn_ensemble_step(kn_ensemble *ensemble, int steps, const kn_input input[], kn_output output[],
                            kn_touch (*touch)[KN_PROBES_MAX])
 {
     kn_ensemble *e = ensemble;
+    if (steps < 1) return KN_BAD_INPUT;
     for (int i = 0; i < e->count; i++)
         if (!kn_input_fits(e->model, &input[i])) return KN_BAD_INPUT;
     pthread_mutex_lock(&e->lock);

@@ -129,11 +129,11 @@ kn_status kn_step(const kn_model *model, kn_state *state, kn_scratch *scratch, c
 
     if (all_finite(model, state, output)) {
         scratch->state = state;
-        scratch->tick = state->tick;
+        memcpy(scratch->after, state, sizeof scratch->after);
         return KN_OK;
     }
-    // A result is not finite: all forces are 0 from now on until kn_state_reset. The next step with this scratch may be
-    // of another state, so nothing of this one may stay.
+    // A result is not finite: all forces are 0 from now on until kn_state_reset. Clear the scratch, because its next
+    // step may be of another state.
     state->bad = 1;
     memset(output, 0, sizeof *output);
     kn_scratch_reset(model, scratch);

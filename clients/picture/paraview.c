@@ -408,6 +408,7 @@ static void read_nodes(kn_paraview *p, const kn_moment *m)
     for (int i = 0; i < model->node_count; i++) p->stress[i] = (float)p->measure[i];
     kn_gauge_read(p->gauge, m->state, KN_MEASURE_RESIDUAL, p->measure);
     if (m->scratch) kn_touch_nodes(model, m->state, m->scratch, p->contact);
+    else memset(p->contact, 0, (size_t)model->node_count * sizeof *p->contact);
     for (int i = 0; i < model->node_count; i++) {
         double x[3], v[3];
         p->residual[i] = (float)p->measure[i];

@@ -181,7 +181,10 @@ static double line_us(const kn_model *model, double iterations)
 double kn_tick_cost_us(const kn_model *model, const kn_effort *effort, bool at_cap)
 {
     int usual = effort->iterations < effort->iterations_max ? effort->iterations + 1 : effort->iterations;
-    return kn_impact_lines(model, effort->passes) * line_us(model, at_cap ? effort->iterations_max : usual);
+    // a long step that takes its linearisations on demand rarely takes a second one
+    const bool one = kn_step_on_demand(model, effort->passes) && !at_cap;
+    const int lines = one ? 1 : kn_impact_lines(model, effort->passes);
+    return lines * line_us(model, at_cap ? effort->iterations_max : usual);
 }
 
 double kn_tick_cost_blow_us(const kn_model *model, const kn_effort *effort)

@@ -5,6 +5,7 @@
 #include "core/solve/contact.h"
 #include "core/solve/kernel.h"
 #include "core/solve/step_effort.h"
+#include <string.h>
 
 // --- memory ---------------------------------------------------------------------------------------------------------
 
@@ -29,9 +30,9 @@ typedef struct kn_rigid { // rigid motions of an object that nothing holds, see 
 
 // Memory of the solvers within a step. It stays after the step, so that the contact of the step can be read.
 struct kn_scratch {
-    const kn_state *state; // state of the last step, and its tick after the step
-    int64_t tick;
-    kn_work work; // implicit
+    const kn_state *state;                        // state of the last step
+    char after[offsetof(kn_state, displacement)]; // its plain members after the step, which tell it from others
+    kn_work work;                                 // implicit
     kn_contact contact;
     kn_effort effort;     // implicit: effort of this step
     kn_deadline deadline; // implicit: deadline of this step
@@ -45,10 +46,12 @@ struct kn_scratch {
     void *stages; // RK4: memory of its stages; FIXED: memory of the integer step
 };
 
-// Return the contact of the last step of a state. NULL: the last step with this scratch was of another state.
+// Return the contact of the last step of a state. NULL: the last step with this scratch was of another state, or the
+// state is another one since (a copy, a snapshot, a reset).
 static inline const kn_contact *kn_scratch_contact(const kn_scratch *scratch, const kn_state *state)
 {
-    return scratch->state == state && scratch->tick == state->tick ? &scratch->contact : NULL;
+    const bool same = scratch->state == state && memcmp(scratch->after, state, sizeof scratch->after) == 0;
+    return same ? &scratch->contact : NULL;
 }
 
 // Forget everything that earlier steps have left in the scratch. Real-time safe.

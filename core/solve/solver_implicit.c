@@ -244,7 +244,11 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
         }
         // q = A d, where d is the next search direction
         double dq = m->kernels->apply(m, state, &s->work, beta) + kn_foundation_apply(m, s);
-        if (!(dq > 0)) return rz;
+        if (!(dq > 0)) { // no minimum along d: leave nothing of this direction to the next step
+            memset(s->work.d, 0, kn_state_field(m, 3));
+            memset(s->work.q, 0, kn_state_field(m, 3));
+            return rz;
+        }
         // step to the minimum along d, then choose beta so that the next direction is conjugate to d
         double next = update(m, s, rz / dq);
         beta = next / rz;

@@ -60,7 +60,7 @@ bool kn_step_on_demand(const kn_model *model, int passes)
 
 int kn_impact_lines(const kn_model *model, int passes)
 {
-    if (kn_step_is_long(model)) return passes > 1 ? passes : KN_LONG_LINES;
+    if (kn_step_is_long(model) && passes == 1) return KN_LONG_LINES;
     return bends(model) && passes < 4 ? 4 : passes;
 }
 

@@ -5,7 +5,7 @@
 TEST("a definition whose choices are none of their enums is refused in a sentence, and NULL is the default one")
 {
     char error[200];
-    for (int i = 0; i < 20; i++) {
+    for (int i = 0; i < 22; i++) {
         kn_model_def def = kn_model_def_default();
         int *const choice[] = {(int *)&def.solver.kind,
                                (int *)&def.solver.precision,
@@ -16,7 +16,8 @@ TEST("a definition whose choices are none of their enums is refused in a sentenc
                                (int *)&def.support,
                                (int *)&def.skin,
                                (int *)&def.probe[0].shape,
-                               (int *)&def.probe[0].surface};
+                               (int *)&def.probe[0].surface,
+                               (int *)&def.material.damper};
         *choice[i / 2] = i % 2 ? -1 : 77;
         error[0] = '\0';
         kn_model *model = kn_model_build(&def, error, sizeof error);

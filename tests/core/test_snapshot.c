@@ -115,6 +115,10 @@ TEST("states that share a scratch have the bits of states with their own, also b
             const int p = k == PINCH;
             CHECK(kn_touch_read(l.model, shared[STATES - 1].state, l.scratch, p, &touch));
             CHECK(!kn_touch_read(l.model, shared[0].state, l.scratch, p, &touch) && touch.area_m2 == 0);
+            const double work_j = shared[STATES - 1].state->probe[p].work_j;
+            shared[STATES - 1].state->probe[p].work_j += 1; // another object in the same place
+            CHECK(!kn_touch_read(l.model, shared[STATES - 1].state, l.scratch, p, &touch));
+            shared[STATES - 1].state->probe[p].work_j = work_j;
             kn_state_copy(l.model, bad, shared[0].state);
             kn_real_set(l.model, bad->velocity, l.model->offset[l.model->node_count - 1], NAN);
             for (int i = 0; i < 3; i++) kn_step(l.model, bad, l.scratch, &shared[0].in, &l.out);

@@ -71,6 +71,22 @@ check("a batch has the bits of states alone, for 1, 2 and 3 threads",
       all((h == [s.hash() for s in alone]).all() for h in hashes), hashes)
 check("a batch has the shapes that are written", batch.force_n.shape == (5, 2, 3) and batch.top_m().shape == (5, len(model.top))
       and batch.positions_m().shape == (5, 144, 3) and (batch.force_n[:, 1] == [s["finger"].force_n for s in alone]).all())
+twice = model.batch(1)
+twice.attached, twice.position_m, twice.velocity_m_s = [[False, True]], (0, 0, 0.046), (0, 0, -0.01)
+for _ in range(30):
+    twice.step(20)
+check("assigned arrays are read, and 30 x 20 steps have the bits of 600", twice.hash()[0] == alone[0].hash(), twice.hash())
+def write():
+    twice.force_n[:] = 0
+check("forces cannot be written", refused(write, "read-only"))
+felt = twice.force_n.copy()
+twice.reset([])
+check("a reset of no state resets none", twice[0].tick == 600 and (twice.force_n == felt).all())
+twice.reset()
+check("a reset forgets forces, velocities and the touch", not twice.force_n.any() and not twice.velocity_m_s.any()
+      and twice[0]["finger"].touch().area_m2 == 0)
+rest = knead.Model().rest_m
+check("the rest positions outlive their model and cannot be written", rest.shape == (144, 3) and not rest.flags.writeable and rest.max() == 0.03)
 check("a state of a batch reads like one alone", (batch[3].stress_pa() == alone[3].stress_pa()).all() and batch[-1].hash() == alone[4].hash())
 
 check("an unknown tool is refused by its name", refused(lambda: state["thumb"], "thumb", "plate, finger"))
@@ -85,7 +101,7 @@ state.reset()
 state["finger"].position_m = 0, 0, 1
 check("after a reset it goes on", not refused(state.step))
 kept = weakref.ref(model)
-del scene, model, alone, batch, state, finger, other, s
+del scene, model, alone, batch, state, finger, other, s, twice
 check("a model ends with its last state", kept() is None)
 
 if len(sys.argv) > 1:  # a log of kneadd, and a measured curve

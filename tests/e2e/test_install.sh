@@ -19,7 +19,7 @@ for header in $headers; do
 done
 echo "ok   $(echo "$headers" | wc -l) headers compile by themselves in C and in C++"
 
-cp "$KN_SOURCE"/clients/examples/press* .
+cp "$prefix"/share/knead/clients/examples/press* .
 cc "${warnings[@]}" -o press press.c "${flags[@]}"
 c++ "${warnings[@]}" -x c++ -o press_cpp press.c -x none "${flags[@]}"
 ./press >press.out

@@ -18,7 +18,8 @@ kill -INT "$server" && wait "$server"
 python3 "$KN_SOURCE/tests/e2e/python_package.py" press.lcmlog curve.csv
 check "the package does what its texts say" [ $? = 0 ]
 
-check "an arm presses dough: $(python3 "$examples/arm.py" | tee arm.txt | tail -n 1)" cmp arm.txt <(python3 "$examples/arm.py")
+python3 "$examples/arm.py" >again.txt
+check "an arm presses dough: $(python3 "$examples/arm.py" | tee arm.txt | tail -n 1)" sh -c 'grep -q ^hash arm.txt && cmp arm.txt again.txt'
 python3 "$examples/flatten.py" --states 8 --rounds 2 --threads 1 | grep -v ' s$' >one.txt
 python3 "$examples/flatten.py" --states 8 --rounds 2 --threads 2 | grep -v ' s$' >two.txt
 cat two.txt

@@ -13,10 +13,10 @@ def _load(name):
     return ctypes.CDLL(beside if os.path.exists(beside) else name, mode=ctypes.RTLD_GLOBAL)
 
 
-def _typed(library, only=None):
+def _typed(library):
     for name, (result, arguments) in _api.FUNCTIONS.items():
         function = getattr(library, name, None)
-        if function is not None and (only is None or name.startswith(only)):
+        if function is not None:
             function.restype, function.argtypes = result, arguments
     return library
 

@@ -1,6 +1,7 @@
 """A hand of a running kneadd, over UDP and with Python's standard library alone: poses out, forces in, 1000 a second."""
 import hashlib
 import os
+import re
 import secrets
 import select
 import socket
@@ -20,10 +21,13 @@ class _Key:
 
     def __init__(self, path):
         with open(path, encoding='ascii') as file:
-            self.key = bytes.fromhex(file.read().strip())
-        if len(self.key) != 32:
+            owner, text = os.fstat(file.fileno()), file.read().strip()
+        if owner.st_uid not in (0, os.getuid()) or owner.st_mode & 0o077:
+            raise ValueError(f'{path}: expected a key of this user or of root that nobody else may read: chmod 600')
+        if not re.fullmatch('[0-9a-fA-F]{64}', text):
             raise ValueError(f'{path}: expected 64 hexadecimal digits')
-        self.life = self.ahead_us = self.last_us = self.sent_us = self.said = self.believed = 0
+        self.key = bytes.fromhex(text)
+        self.life = self.ahead_us = self.last_us = self.sent_us = self.said = self.asked = self.believed = 0
         self.nonce = b''
 
     def sign(self, channel, payload, life, age_us):
@@ -34,7 +38,9 @@ class _Key:
         """Return the payload of a hello if one is due, else None."""
         if now - max(self.said, self.believed) < (0.25 if self.life else 0.05):
             return None
-        self.said, self.nonce = now, secrets.token_bytes(8)
+        if not self.nonce or now - self.asked > 1:
+            self.asked, self.nonce = now, secrets.token_bytes(8)
+        self.said = now
         return self.sign(b'KNEAD_HELLO', self.nonce, 0, 0)
 
     def stamp(self, channel, payload, now):
@@ -49,14 +55,16 @@ class _Key:
         life, age_us = struct.unpack('>qq', message[-32:-16]) if len(message) > 32 else (0, 0)
         if life == 0 or not secrets.compare_digest(self.sign(channel, message[:-32], life, age_us), message):
             return False
-        if channel == b'KNEAD_LIFE' and message[:-32] == self.nonce:
+        ahead_us = age_us - int(now * 1e6)
+        if channel == b'KNEAD_LIFE' and self.nonce and message[:-32] == self.nonce:
             if life != self.life:
-                self.last_us = age_us
-            self.life, self.ahead_us, self.believed = life, age_us - int(now * 1e6), now
+                self.last_us, self.sent_us = age_us, 0
+            self.life, self.ahead_us, self.believed, self.nonce = life, ahead_us, now, b''
             return False
         if life != self.life or age_us <= self.last_us:
             return False
-        self.last_us, self.believed = age_us, now
+        # a message that has waited in a buffer gives too low an age, so the estimate falls slowly
+        self.last_us, self.believed, self.ahead_us = age_us, now, max(ahead_us, self.ahead_us - 200)
         return True
 
 
@@ -85,6 +93,7 @@ class Hand:
         self._force_channel = f'KNEAD_FORCE_{tool}'.encode()
         self._key = _Key(key) if key else None
         self._period_s, self._next, self._count = period_s, time.monotonic(), 0
+        self._wall_us = int((time.time() - self._next) * 1e6)  # read once: a clock set back would end the session
         self._begin_session()
         index = socket.if_nametoindex(lan) if lan else 0
         member = struct.pack('=4s4si', socket.inet_aton(self._to[0]), b'\0\0\0\0', index)
@@ -163,12 +172,12 @@ class Hand:
 
     def _publish(self, now):
         p = self._pose
-        p.sent_ns, p.utime = time.monotonic_ns(), int(time.time() * 1e6)
+        p.sent_ns, p.utime = time.monotonic_ns(), self._wall_us + int(now * 1e6)
         payload = p.encode()
         self._send(self._channel, self._key.stamp(self._channel, payload, now) if self._key else payload)
 
     def trouble(self):
-        """Return why there is no force, or ''."""
+        """Return why there is no force, or will soon be none, or ''."""
         if self._silent_until or not self._heard or time.monotonic() - self._heard >= ZERO_S:
             return 'no force from kneadd: is it running?'
         if self.message.flags & contact_force_t.FLAG_LATCHED:

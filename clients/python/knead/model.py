@@ -16,10 +16,17 @@ class Error(ValueError):
 
 
 def _table(pointer, dtype, *shape):
-    """Return an array over memory of the library, without a copy."""
+    """Return an array over memory of the library, without a copy. It must not outlive this memory."""
     address = ctypes.cast(pointer, ctypes.c_void_p).value
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype).reshape(shape)
+
+
+def _copied(pointer, dtype, *shape):
+    """Return a copy of a table of the library, which nobody can write to."""
+    copy = _table(pointer, dtype, *shape).copy()
+    copy.flags.writeable = False
+    return copy
 
 
 class Scene:
@@ -63,7 +70,9 @@ class Model:
 
     scene: a Scene, the path or text of one, or None: a block of dough of 5 x 5 x 3 cm under a ball of 3 cm.
     settings: texts KEY=VALUE, as for Scene.
-    dt_s: time step, s; None: the scene's. A learner's step is 0.01.
+    dt_s: time step, s; None: the scene's. A learner's step is 0.01, and 0.005 halves its error.
+
+    A model, its states and its batches belong to one thread of the program at a time; a batch has threads of its own.
     """
 
     def __init__(self, scene=None, *settings, dt_s=None):
@@ -87,8 +96,8 @@ class Model:
         self.dt_s = self._def.solver.dt_s
         self.tools = tuple(self._def.probe[p].name.decode() for p in range(self._def.probe_count))
         self.mass_kg = _core.kn_model_mass(self._model)
-        self.rest_m = _table(m.rest_m, np.float64, self.nodes, 3)  # positions of the nodes in the undeformed object
-        self.top = _table(m.top, np.int32, m.top_count)  # numbers of the nodes of the top
+        self.rest_m = _copied(m.rest_m, np.float64, self.nodes, 3)  # positions of the nodes in the undeformed object
+        self.top = _copied(m.top, np.int32, m.top_count)  # numbers of the nodes of the top
         self._offset = _table(m.offset, np.uintp, self.nodes)[:, None] + np.arange(3, dtype=np.uintp) * m.stride
         self._real = np.float32 if self._def.solver.precision == _api.KN_PRECISION_F32 else np.float64
         self._surface = _core.kn_surface_create(self._model)
@@ -96,7 +105,7 @@ class Model:
         if not self._surface or not self._gauge:
             raise MemoryError
         s = self._surface.contents
-        self.triangles = _table(s.triangle, np.int32, s.triangle_count, 3)  # of the surface, by vertex
+        self.triangles = _copied(s.triangle, np.int32, s.triangle_count, 3)  # of the surface, by vertex
 
     def state(self):
         """Return an undeformed State of its own."""
@@ -122,16 +131,31 @@ class Model:
         return f'<knead.Model {self.nodes} nodes, tools {", ".join(self.tools)}>'
 
 
+def _given(name, text):
+    """A property whose array the step reads; to assign to it is to write into this array."""
+    def write(self, value):
+        self._given[name][...] = value
+    return property(lambda self: self._given[name], write, doc=text)
+
+
 class Batch:
     """States of one model that are stepped together. A state has the same bits for any number of threads.
 
-    N states, P tools. Write before a step (arrays that the step reads; a pose moves with its velocity):
+    N states, P tools. Write before a step (arrays that the step reads; a pose moves with its velocity, so position_m is
+    where the tool goes on from):
         attached (N, P) bool, position_m (N, P, 3), velocity_m_s (N, P, 3), orientation_wxyz (N, P, 4), grip (N, P) bool,
         top_load_n (N,)
-    Read after a step:
+    Read after a step (arrays that the next step overwrites, and that cannot be written):
         force_n (N, P, 3), torque_n_m (N, P, 3) about the tool's position, tool_m (N, P, 3), work_j (N, P),
         contacts (N, P)
     """
+
+    attached = _given('attached', 'whether each tool is in the model, (N, P) bool')
+    grip = _given('grip', 'whether each tool grips the skin that it touches, (N, P) bool')
+    position_m = _given('position_m', 'poses, (N, P, 3)')
+    velocity_m_s = _given('velocity_m_s', 'velocities of the poses, (N, P, 3)')
+    orientation_wxyz = _given('orientation_wxyz', 'orientations of the poses, unit quaternions, (N, P, 4)')
+    top_load_n = _given('top_load_n', 'dead load on the top, (N,)')
 
     def __init__(self, model, count, threads=1):
         self.model, self._count, p = model, count, len(model.tools)
@@ -141,12 +165,13 @@ class Batch:
         self._in, self._out = (_api.kn_input * count)(), (_api.kn_output * count)()
         self._touch = (_api.kn_touch * _api.KN_PROBES_MAX * count)()
         given, got = np.frombuffer(self._in, _api.kn_input), np.frombuffer(self._out, _api.kn_output)
-        self.attached, self.grip = given['probe']['attached'][:, :p], given['probe']['grip'][:, :p]
-        self.position_m = given['probe']['position_m'][:, :p]
-        self.velocity_m_s = given['probe']['velocity_m_s'][:, :p]
-        self.orientation_wxyz = given['probe']['orientation_wxyz'][:, :p]
+        self._given = {name: given['probe'][name][:, :p]
+                       for name in ('attached', 'grip', 'position_m', 'velocity_m_s', 'orientation_wxyz')}
+        self._given['top_load_n'] = given['top_load_n']
         self.orientation_wxyz[..., 0] = 1
-        self.top_load_n = given['top_load_n']
+        self._got = got
+        got = got.view()
+        got.flags.writeable = False
         self.force_n, self.torque_n_m = got['probe']['force_n'][:, :p], got['probe']['torque_n_m'][:, :p]
         self.tool_m, self.work_j = got['probe']['position_m'][:, :p], got['probe']['work_j'][:, :p]
         self.contacts = got['probe']['contacts'][:, :p]
@@ -160,16 +185,24 @@ class Batch:
         if steps < 1:
             raise Error(f'{steps} steps, expected at least 1')
         status = _core.kn_ensemble_step(self._ensemble, steps, self._in, self._out, self._touch)
-        self.position_m += steps * self.model.dt_s * self.velocity_m_s
+        way = self.model.dt_s * self.velocity_m_s
+        for _ in range(steps):  # one by one, as the steps have added them: the same bits
+            self.position_m += way
         if status != _api.KN_OK:
             bad = [i for i, s in enumerate(self._states) if s.contents.bad]
             raise Error(f'{_core.kn_status_text(status).decode()} (states {bad})')
 
-    def reset(self, *numbers):
-        """Put states back to the undeformed object; without numbers all of them. Their tools are detached."""
-        for i in numbers or range(self._count):
+    def reset(self, numbers=None):
+        """Put the states `numbers` back to the undeformed object; None: all. Their tools are detached and at rest."""
+        for i in range(self._count) if numbers is None else numbers:
             _core.kn_state_reset(self.model._model, self._states[i])
-            self.attached[i] = False
+            self._forget(i)
+            self.attached[i], self.velocity_m_s[i] = False, 0
+
+    def _forget(self, i):
+        """Forget what the last step of a state gave: it was of another object."""
+        self._got[i] = np.zeros((), self._got.dtype)
+        ctypes.memset(self._touch[i], 0, ctypes.sizeof(self._touch[i]))
 
     def positions_m(self):
         """Present positions of the nodes, (N, nodes, 3)."""
@@ -215,12 +248,15 @@ def _pose(name, size):
         getattr(self._batch, name)[self._state, self._number] = value
         if name == 'position_m':
             self.attached = True
-    return property(read, write, doc=f'{name}, ({size},). Writing a position attaches the tool.'
+    return property(read, write, doc=f'{name}, ({size},). To assign a position attaches the tool; to write one of its numbers does not.'
                     if name == 'position_m' else f'{name}, ({size},)' if size else name)
 
 
 class Tool:
-    """One tool of one state. Poses are written before a step, forces read after it."""
+    """One tool of one state. Poses are written before a step, forces read after it.
+
+    position_m, velocity_m_s and orientation_wxyz are views of what the next step reads: a step moves position_m.
+    """
 
     def __init__(self, batch, state, number):
         self._batch, self._state, self._number = batch, state, number
@@ -263,7 +299,7 @@ class State:
 
     def reset(self):
         """Put the object back to its undeformed state and detach the tools."""
-        self._batch.reset(self._number)
+        self._batch.reset([self._number])
 
     @property
     def tick(self):
@@ -308,6 +344,7 @@ class State:
     def restore(self, snapshot):
         """Take over a snapshot. Raise Error, and reset the object, if it does not fit the model."""
         bytes_ = (ctypes.c_uint8 * len(snapshot)).from_buffer_copy(snapshot)
+        self._batch._forget(self._number)
         fit = _core.kn_snapshot_read(self.model._model, bytes_, len(snapshot), self._state)
         if fit != _api.KN_SNAPSHOT_FITS:
             self.reset()
