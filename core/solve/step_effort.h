@@ -54,7 +54,7 @@ int kn_impact_lines(const kn_model *model, int passes);
 
 // A long step is one of at least KN_LONG_S under a law that bends. Nearly every one would be an impact, since a tool goes
 // ten times as far as in 1 ms. But its error comes from its length, not from its number of linearisations: a ball that
-// strokes dough in steps of 10 ms has an error of 3 % of its peak force with one as with seven (bench/bench_learner.c).
+// strokes dough in steps of 10 ms has an error of 4 % of its peak force with one as with seven (bench/bench_learner.c).
 // So a long step ignores impacts. With passes > 1 it takes this number of linearisations. With passes = 1 it adds
 // linearisations, up to KN_LONG_LINES, until the residual is below KN_LONG_LAW of the first residual; each is solved to
 // KN_LONG_SOLVED times the tolerance. That makes 1.1 to 1.4 of them. Gas, a thousand times as stiff as the dough, makes
