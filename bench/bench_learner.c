@@ -133,8 +133,8 @@ static void table_errors(bool fine)
     }
 }
 
-// Play the course on `states` states, each with its own random numbers. Return the hash of all states; *real_time is the
-// simulated time per time of the wall.
+// Play the course on `states` states, each with its own random numbers. Return the hash of all states; *real_time is
+// the simulated time per time of the wall.
 static uint64_t batch(bool fine, double dt_s, int states, int threads, kn_isa isa, double *real_time)
 {
     kn_model *model = block(fine, dt_s, 1, false, isa);

@@ -21,8 +21,8 @@
 #include "core/surface.h"
 #include "core/touch.h"
 
-// Version of these headers; kn_version (step.h) returns that of the library that runs. While MAJOR is 0, a program needs
-// the library of the MAJOR.MINOR that it was compiled for, as the soname says.
+// Version of these headers; kn_version (step.h) returns that of the library that runs. While MAJOR is 0, a program
+// needs the library of the MAJOR.MINOR that it was compiled for, as the soname says.
 #ifndef KN_VERSION
 #define KN_VERSION "@PROJECT_VERSION@"
 #endif

@@ -207,9 +207,9 @@ kn_model_def kn_model_def_default(void);
 // origin.
 void kn_model_def_extent(const kn_model_def *def, double extent_m[3]);
 
-// Build a model, which the caller destroys. `def` NULL: the default definition. The model copies `def`, but not the mesh
-// and the parts to which `def` points. If the model cannot be built, return NULL and store one sentence in error[error_size]. If the step of RK4 is
-// unstable, the sentence names the longest stable step.
+// Build a model, which the caller destroys. `def` NULL: the default definition. The model copies `def`, but not the
+// mesh and the parts to which `def` points. If the model cannot be built, return NULL and store one sentence in
+// error[error_size]. If the step of RK4 is unstable, the sentence names the longest stable step.
 kn_model *kn_model_build(const kn_model_def *def, char *error, size_t error_size);
 void kn_model_destroy(kn_model *model); // does nothing if `model` is NULL
 

@@ -43,23 +43,23 @@
 #define KN_IMPACT_AFTER 0.1
 
 // Return the largest number of linearisations of a step, apart from impacts. `passes`: the number that the effort asks
-// for. Let r be the ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A linearisation that is half tangent and half
-// secant reduces an error to (r - 1)/(r + 1) of its size. r is 8 for dough, and the linearisation of the next step
-// corrects the remaining error. r is some hundreds for a ramp, which yields suddenly at p1, so every step of a ramp needs
-// several linearisations.
+// for. Let r be the ratio of secant to tangent, at most 1 + s |d ln c2/ds|. A linearisation that is half tangent and
+// half secant reduces an error to (r - 1)/(r + 1) of its size. r is 8 for dough, and the linearisation of the next step
+// corrects the remaining error. r is some hundreds for a ramp, which yields suddenly at p1, so every step of a ramp
+// needs several linearisations.
 int kn_impact_lines(const kn_model *model, int passes);
 #define KN_IMPACT_BEND 32.0 // if s |d ln c2/ds| at p1 exceeds this limit, every step needs several linearisations
 
 // --- long steps -----------------------------------------------------------------------------------------------------
 
-// A long step is one of at least KN_LONG_S under a law that bends. Nearly every one would be an impact, since a tool goes
-// ten times as far as in 1 ms. But its error comes from its length, not from its number of linearisations: a ball that
-// strokes dough in steps of 10 ms has an error of 4 % of its peak force with one as with seven (bench/bench_learner.c).
-// So a long step ignores impacts. With passes > 1 it takes this number of linearisations. With passes = 1 it adds
-// linearisations, up to KN_LONG_LINES, until the residual is below KN_LONG_LAW of the first residual; each is solved to
-// KN_LONG_SOLVED times the tolerance. That makes 1.1 to 1.4 of them. Gas, a thousand times as stiff as the dough, makes
-// up most of the residual and hides the dough's part, so with gas the limit is KN_LONG_LAW_GAS. For a ramp all
-// linearisations go to the tolerance.
+// A long step is one of at least KN_LONG_S under a law that bends. Nearly every one would be an impact, since a tool
+// goes ten times as far as in 1 ms. But its error comes from its length, not from its number of linearisations: a ball
+// that strokes dough in steps of 10 ms has an error of 4 % of its peak force with one as with seven
+// (bench/bench_learner.c). So a long step ignores impacts. With passes > 1 it takes this number of linearisations. With
+// passes = 1 it adds linearisations, up to KN_LONG_LINES, until the residual is below KN_LONG_LAW of the first
+// residual; each is solved to KN_LONG_SOLVED times the tolerance. That makes 1.1 to 1.4 of them. Gas, a thousand times
+// as stiff as the dough, makes up most of the residual and hides the dough's part, so with gas the limit is
+// KN_LONG_LAW_GAS. For a ramp all linearisations go to the tolerance.
 #define KN_LONG_S 0.002
 #define KN_LONG_LINES 12
 #define KN_LONG_LAW 0.3

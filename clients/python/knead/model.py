@@ -248,7 +248,7 @@ def _pose(name, size):
         getattr(self._batch, name)[self._state, self._number] = value
         if name == 'position_m':
             self.attached = True
-    return property(read, write, doc=f'{name}, ({size},). To assign a position attaches the tool; to write one of its numbers does not.'
+    return property(read, write, doc=f'{name}, ({size},). Assigning it attaches the tool; writing one number does not.'
                     if name == 'position_m' else f'{name}, ({size},)' if size else name)
 
 
