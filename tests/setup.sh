@@ -60,7 +60,6 @@ setup_build() {
     mkdir -p "${log%/*}"
     # cmake reads these settings when it first sees a build folder, and keeps them
     ! command -v ninja >/dev/null || export CMAKE_GENERATOR=Ninja
-    ! command -v mold >/dev/null || export LDFLAGS=-fuse-ld=mold
     # paths relative to the source tree, so that another clone finds the same objects
     if command -v ccache >/dev/null; then
         export CMAKE_C_COMPILER_LAUNCHER=ccache OBJCACHE=ccache CCACHE_BASEDIR=$setup_root CCACHE_NOHASHDIR=1 CCACHE_DEPEND=1
