@@ -99,7 +99,7 @@ bool kn_input_fits(const kn_model *model, const kn_input *input)
         if (input->probe[p].attached) return false;
     if (e->iterations == 0) return true;
     return e->iterations > 0 && e->iterations_max >= e->iterations && e->iterations_max <= 100000 &&
-           e->tolerance >= 0 && e->tolerance < 1 && e->passes >= 1 && e->passes <= 100 && (int)e->linearization >= 0 &&
+           e->tolerance >= 0 && e->tolerance <= 1 && e->passes >= 1 && e->passes <= 100 && (int)e->linearization >= 0 &&
            e->linearization <= KN_LINEARIZATION_TANGENT;
 }
 

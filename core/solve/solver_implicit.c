@@ -340,10 +340,8 @@ static void let_go(const kn_model *m, const kn_state *state, kn_scratch *s)
     }
 }
 
-void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
-                       kn_output *output)
+void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *s, const kn_input *input, kn_output *output)
 {
-    kn_scratch *s = scratch;
     s->effort = effort_of(model, input);
     output->secant = state->secant_steps > 0;
     kn_linearization how = output->secant ? KN_LINEARIZATION_SECANT : linearization_of(model, s);
