@@ -80,6 +80,7 @@ class Bus(threading.Thread):
     def __init__(self):
         super().__init__(daemon=True)
         self.force_n = self.mesh_tick = self.generation = 0
+        self.tool_at = [0, 0, 0]
         self.tick = 0  # tick of the newest status
         self.missed = self.unexplained = 0  # missed cycles; those that the machine does not explain
         # number of statuses, one per second; number with more unexplained misses than the one before
@@ -108,6 +109,7 @@ class Bus(threading.Thread):
             channel, _, payload = datagram[8:].partition(b"\0")
             if channel.startswith(b"KNEAD_FORCE_"):
                 self.force_n = sum(f * f for f in struct.unpack_from(">3d", payload, 104)) ** 0.5
+                self.tool_at = struct.unpack_from(">3d", payload, 152)
             elif channel == b"KNEAD_STATUS":
                 self.tick, self.missed, explained = struct.unpack_from(">3q", payload, 24)
                 self.statuses += 1
@@ -122,9 +124,6 @@ class Bus(threading.Thread):
 
     def dent_mm(self):  # largest depth of a vertex below its place at rest
         return 1e3 * max(rest - now for rest, now in zip(self.rest, self.now)) if self.now else 0
-
-    def dented(self, mm=0.5):  # number of vertices at least that far below their place at rest
-        return sum(1e3 * (rest - now) > mm for rest, now in zip(self.rest, self.now)) if self.now else 0
 
 
 class Browser:
