@@ -4,6 +4,7 @@
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
 #include "clients/hand/session_record.h"
+#include "clients/picture/mcap_file.h"
 #include "clients/picture/object_still.h"
 #include "clients/picture/paraview.h"
 #include "clients/viewer/beside.h"
@@ -23,7 +24,7 @@ static const char help[] =
     "usage: knead export LOG --vtk DIR [OPTION]...        export a recording, stepped through the daemon's servo\n"
     "       knead export --scene F --vtk DIR [OPTION]...  export the object of a scene at rest\n\n"
     "Writes an object as files for other programs, in SI units. The name of each quantity ends with its unit.\n"
-    "At least one of the outputs --vtk, --ply and --csv is required:\n\n"
+    "At least one of the outputs --vtk, --ply, --csv and --mcap is required:\n\n"
     "  --vtk DIR          files for ParaView and VTK: object.pvd and edges.pvd.\n"
     "                     DIR/object.pvd has the volume of every cell, the tools and their forces, and at every node\n"
     "                     displacement, velocity, von Mises stress, residual strain and contact force.\n"
@@ -32,7 +33,9 @@ static const char help[] =
     "                     Each vertex has the quantity of --color as a colour and as a number named quality.\n"
     "                     With --at or --scene, PATH is a file. Otherwise PATH is a folder with one file per moment\n"
     "  --csv FILE         a table of the exported part of the recording: one row for each tick and live probe.\n"
-    "                     The columns are those of knead replay --csv\n\n"
+    "                     The columns are those of knead replay --csv\n"
+    "  --mcap FILE        file for Foxglove and other readers of MCAP: poses and forces of every tick,\n"
+    "                     and the surface with the tools at every moment, as JSON with its schemas\n\n"
     "  --from S, --to S   part of the recording, in seconds since its first session began (default: all of it)\n"
     "  --every S          interval between two exported moments, in seconds, 0.001 or more (default: 0.1)\n"
     "  --at SECONDS|end   export this moment only\n"
@@ -44,7 +47,7 @@ static const char help[] =
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
-    const char *log, *scene, *snapshot, *vtk, *ply, *csv;
+    const char *log, *scene, *snapshot, *vtk, *ply, *csv, *mcap;
     // to_s: INFINITY means up to the end of the recording. at_s: NAN means to export a series of moments, INFINITY to
     // export the last moment only.
     double from_s, to_s, every_s, at_s;
@@ -57,8 +60,9 @@ typedef struct options {
 typedef struct run {
     const options *o;
     kn_output_folder vtk, plys;
-    kn_beside ply, csv;
+    kn_beside ply, csv, mcap;
     kn_paraview *paraview;
+    kn_mcap *messages; // what writes `mcap`
     kn_gauge *gauge;
     int gauged; // number of the model (kn_moment.models) that `gauge` was made for; the gauge computes stresses
     int moments;
@@ -160,13 +164,13 @@ static int check_outputs(const options *o)
 {
     // The PLY output is one file if one moment is exported, otherwise a folder of files.
     const bool one = !isnan(o->at_s) || o->scene;
-    const char *files[] = {o->csv, one ? o->ply : NULL};
-    for (int i = 0; i < 2; i++)
+    const char *files[] = {o->csv, o->mcap, one ? o->ply : NULL};
+    for (int i = 0; i < 3; i++)
         if (kn_output_same(o->log, files[i]) || kn_output_same(o->scene, files[i]) ||
             kn_output_same(o->snapshot, files[i]))
             REFUSE("%s: is being read, expected another file to write", files[i]);
-    const char *all[] = {o->vtk, o->ply, o->csv};
-    for (int i = 0; i < 3; i++)
+    const char *all[] = {o->vtk, o->ply, o->csv, o->mcap};
+    for (int i = 0; i < 4; i++)
         for (int k = 0; k < i; k++)
             if (all[i] && all[k] && (kn_output_holds(all[i], all[k]) || kn_output_holds(all[k], all[i])))
                 REFUSE("%s: expected a separate path for each output, none inside another", all[i]);
@@ -181,9 +185,10 @@ static int check(options *o)
     if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; see knead export --help");
     if (o->log && o->scene)
         REFUSE("--scene %s: expected either a log or a scene, because a log contains its scene", o->scene);
-    if (!o->vtk && !o->ply && !o->csv) REFUSE("expected --vtk DIR, --ply PATH or --csv FILE");
-    if (o->scene && (o->csv || o->spaced || !isnan(o->at_s) || o->snapshot))
-        REFUSE("--csv, --from, --to, --every, --at and --snapshot: expected a log, because a scene at rest does not "
+    if (!o->vtk && !o->ply && !o->csv && !o->mcap) REFUSE("expected --vtk DIR, --ply PATH, --csv FILE or --mcap FILE");
+    if (o->scene && (o->csv || o->mcap || o->spaced || !isnan(o->at_s) || o->snapshot))
+        REFUSE("--csv, --mcap, --from, --to, --every, --at and --snapshot: expected a log, because a scene at rest "
+               "does not "
                "change");
     if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to or --every with it");
     if (o->to_s < o->from_s) REFUSE("--to %g: expected no less than --from %g", o->to_s, o->from_s);
@@ -202,6 +207,7 @@ static int parse(int argc, char **argv, options *o)
         KN_OPTION("vtk", TEXT, AT(vtk)),
         KN_OPTION("ply", TEXT, AT(ply)),
         KN_OPTION("csv", TEXT, AT(csv)),
+        KN_OPTION("mcap", TEXT, AT(mcap)),
         KN_OPTION("scene", TEXT, AT(scene)),
         KN_OPTION("from", NUMBER, AT(from_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
         KN_OPTION("to", NUMBER, AT(to_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
@@ -243,6 +249,7 @@ static int open_outputs(run *r)
     if (code != KN_EXIT_OK) return code;
     if (o->ply && one && !kn_beside_open(&r->ply, o->ply, error, sizeof error)) FAIL("%s", error);
     if (o->csv && !kn_beside_open(&r->csv, o->csv, error, sizeof error)) FAIL("%s", error);
+    if (o->mcap && !kn_beside_open(&r->mcap, o->mcap, error, sizeof error)) FAIL("%s", error);
     if (o->vtk && !(r->paraview = kn_paraview_open(r->vtk.folder, error, sizeof error))) FAIL("%s", error);
     if (o->csv) kn_rows_head(r->csv.file);
     return KN_EXIT_OK;
@@ -255,11 +262,15 @@ static int keep_outputs(run *r)
     kn_paraview *paraview = r->paraview;
     r->paraview = NULL;
     if (paraview && !kn_paraview_close(paraview, error, sizeof error)) FAIL("%s", error);
+    kn_mcap *messages = r->messages;
+    r->messages = NULL;
+    if (!kn_mcap_close(messages)) FAIL("out of memory");
     // Flush the files first, so that a full disk is reported before the first output appears.
-    if ((r->csv.file && fflush(r->csv.file) != 0) || (r->ply.file && fflush(r->ply.file) != 0))
-        FAIL("%s: %s", r->csv.file && ferror(r->csv.file) ? r->o->csv : r->o->ply, strerror(errno));
-    if (r->csv.file && !kn_beside_keep(&r->csv, error, sizeof error)) FAIL("%s", error);
-    if (r->ply.file && !kn_beside_keep(&r->ply, error, sizeof error)) FAIL("%s", error);
+    kn_beside *files[] = {&r->csv, &r->ply, &r->mcap};
+    for (int i = 0; i < 3; i++)
+        if (files[i]->file && fflush(files[i]->file) != 0) FAIL("%s: %s", files[i]->path, strerror(errno));
+    for (int i = 0; i < 3; i++)
+        if (files[i]->file && !kn_beside_keep(files[i], error, sizeof error)) FAIL("%s", error);
     if (!kn_output_folder_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
     if (!kn_output_folder_keep(&r->vtk, error, sizeof error)) FAIL("%s", error);
     return KN_EXIT_OK;
@@ -270,8 +281,10 @@ static void drop_outputs(run *r)
 {
     char error[1];
     if (r->paraview) kn_paraview_close(r->paraview, error, 0);
-    if (r->csv.file) kn_beside_drop(&r->csv);
-    if (r->ply.file) kn_beside_drop(&r->ply);
+    kn_mcap_close(r->messages);
+    kn_beside *files[] = {&r->csv, &r->ply, &r->mcap};
+    for (int i = 0; i < 3; i++)
+        if (files[i]->file) kn_beside_drop(files[i]);
     kn_output_folder_drop(&r->plys);
     kn_output_folder_drop(&r->vtk);
     kn_gauge_destroy(r->gauge);
@@ -346,6 +359,7 @@ static int add_moment(run *r, const kn_moment *m, const char *scene)
         REFUSE("%s: the shape is not finite at %.3f s because the object diverged, expected --to before that",
                r->o->log, m->time_s);
     if (r->paraview && !kn_paraview_add(r->paraview, m, error, sizeof error)) FAIL("%s", error);
+    if (r->messages) kn_mcap_moment(r->messages, m);
     if (r->moments == 0) r->first_s = m->time_s;
     r->last_s = m->time_s;
     int code = add_surface(r, m, scene);
@@ -369,9 +383,10 @@ static kn_moment moment_of(kn_replay *r)
 
 // ---- the two sources: a recording, or a scene at rest
 
-// Add a row for each live probe to the CSV table.
+// Add a row for each live probe to the CSV table, and the poses and forces to the MCAP file.
 static void add_rows(run *r, const kn_replay *replay)
 {
+    if (r->messages) kn_mcap_tick(r->messages, replay->model, &replay->tick);
     for (int p = 0; r->csv.file && p < replay->tick.out.probes; p++)
         if (replay->tick.out.force[p].live) kn_rows_tick(r->csv.file, replay, p);
 }
@@ -383,6 +398,10 @@ static int take_tick(run *r, kn_replay *replay, double *next_s)
     const options *o = r->o;
     const double t = replay->tick.time_s;
     const bool one = !isnan(o->at_s);
+    // The clock's time at the recording's time 0 follows from the first tick, so it is the same for each exported part.
+    if (o->mcap && !r->messages &&
+        !(r->messages = kn_mcap_open(r->mcap.file, replay->model, replay->tick.utime - llround(1e6 * t))))
+        FAIL("out of memory");
     // A margin of half a tick absorbs rounding errors of the times.
     if (t < (one ? o->at_s : o->from_s) - KN_REPLAY_HALF_TICK_S) return KN_EXIT_OK;
     add_rows(r, replay);
@@ -479,6 +498,7 @@ static void tell(const run *r)
     if (o->vtk) printf("%s/object.pvd: %d %s, %.3f .. %.3f s\n", o->vtk, r->moments, moments, r->first_s, r->last_s);
     if (o->ply) printf("%s: %d %s\n", o->ply, r->moments, moments);
     if (o->csv) printf("%s\n", o->csv);
+    if (o->mcap) printf("%s: %d %s\n", o->mcap, r->moments, moments);
 }
 
 int kn_export_main(int argc, char **argv)

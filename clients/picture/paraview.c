@@ -130,18 +130,6 @@ static void cells_ratio(const cell_list *c, const kn_state *state, float *ratio)
     for (int i = 0; i < c->count; i++) ratio[i] = (float)(cell_volume(c, state, i) / c->rest[i]);
 }
 
-// Surface of a tool as triangles, for export to files. The surface is the one that the contact computation uses
-// (core/shape.h). A round tool is divided in steps of 7.5 degrees. The contact computation gives a plate no thickness;
-// here a plate is 2 mm thick, as in the pictures.
-
-// Surface of a tool, in the tool's own coordinates. Point 0 is the origin of these coordinates and belongs to no
-// triangle.
-typedef struct tool_form {
-    int point_count, triangle_count;
-    float (*xyz)[3];
-    int32_t (*triangle)[3]; // three indices in `xyz` per triangle, counter-clockwise as seen from outside
-} tool_form;
-
 #define PLATE_THICKNESS_M 0.002
 #define STEPS 12 // number of steps that divide a quarter turn
 // Number of points of a ring: 4 quarters of STEPS + 1 points each. A quarter includes both of its end points.
@@ -185,7 +173,7 @@ static void point_of(const core *c, int ring, int around, float out[3])
 }
 
 // Append a triangle to the surface, unless its area is 0.
-static void add_triangle(tool_form *f, int a, int b, int c)
+static void add_triangle(kn_tool_form *f, int a, int b, int c)
 {
     double ab[3], ac[3], across[3];
     for (int k = 0; k < 3; k++) {
@@ -201,7 +189,7 @@ static void add_triangle(tool_form *f, int a, int b, int c)
 }
 
 // Append a solid: rings of points, a point at each end, and triangles between them.
-static void add_solid(tool_form *f, const kn_solid *part)
+static void add_solid(kn_tool_form *f, const kn_solid *part)
 {
     const core c = core_of(part);
     const int first = f->point_count, middle = first + RINGS * AROUND;
@@ -224,7 +212,7 @@ static void add_solid(tool_form *f, const kn_solid *part)
 }
 
 // Append the triangles of a tool that is a mesh.
-static void add_field(tool_form *f, const kn_field *field)
+static void add_field(kn_tool_form *f, const kn_field *field)
 {
     const int first = f->point_count;
     for (int i = 0; i < field->vertex_count; i++)
@@ -258,16 +246,14 @@ static kn_shape shape_of(const kn_model *model, int probe)
     return plate;
 }
 
-// Free the surface of a tool. A zeroed struct is allowed.
-static void tool_form_free(tool_form *f)
+void kn_tool_form_free(kn_tool_form *f)
 {
     free(f->xyz);
     free(f->triangle);
-    *f = (tool_form){0};
+    *f = (kn_tool_form){0};
 }
 
-// Make the surface of a tool. Return false when memory is short.
-static bool tool_form_make(tool_form *f, const kn_model *model, int probe)
+bool kn_tool_form_make(kn_tool_form *f, const kn_model *model, int probe)
 {
     // Count the points and triangles first, so that the arrays are allocated once.
     const kn_shape shape = shape_of(model, probe);
@@ -276,11 +262,11 @@ static bool tool_form_make(tool_form *f, const kn_model *model, int probe)
         points += p->kind == KN_SOLID_FIELD ? (size_t)p->field->vertex_count : POINTS;
         triangles += p->kind == KN_SOLID_FIELD ? (size_t)p->field->triangle_count : TRIANGLES;
     }
-    *f = (tool_form){.point_count = 1};
+    *f = (kn_tool_form){.point_count = 1};
     f->xyz = calloc(points, sizeof *f->xyz);
     f->triangle = calloc(triangles, sizeof *f->triangle);
     if (!f->xyz || !f->triangle) {
-        tool_form_free(f);
+        kn_tool_form_free(f);
         return false;
     }
     for (const kn_solid *p = shape.part; p < shape.part + shape.part_count; p++) {
@@ -294,7 +280,7 @@ static bool tool_form_make(tool_form *f, const kn_model *model, int probe)
 
 // Move the surface of a tool to a pose and write its points to out[point_count][3] [m]. orientation_wxyz: unit
 // quaternion; four zeros mean a level tool. A plate is always level.
-static void tool_form_place(const tool_form *f, const kn_probe_def *def, const double position_m[3],
+static void tool_form_place(const kn_tool_form *f, const kn_probe_def *def, const double position_m[3],
                             const double orientation_wxyz[4], float (*out)[3])
 {
     static const double level[4] = {1};
@@ -338,7 +324,7 @@ struct kn_paraview {
     cell_list cells;
     kn_springs springs;
     kn_gauge *gauge;
-    tool_form tool[KN_PROBES_MAX];
+    kn_tool_form tool[KN_PROBES_MAX];
     double *measure, (*contact)[3];               // one element per node
     float (*xyz)[3], (*moved)[3], (*velocity)[3]; // one element per node
     float *stress, *residual, (*force)[3];        // one element per node
@@ -362,7 +348,7 @@ static void forget_model(kn_paraview *p)
     cells_free(&p->cells);
     kn_springs_free(&p->springs);
     kn_gauge_destroy(p->gauge);
-    for (int i = 0; i < KN_PROBES_MAX; i++) tool_form_free(&p->tool[i]);
+    for (int i = 0; i < KN_PROBES_MAX; i++) kn_tool_form_free(&p->tool[i]);
 #define FREE(name, count) free(p->name);
     ARRAYS(FREE)
 #undef FREE
@@ -388,7 +374,7 @@ static bool take_model(kn_paraview *p, const kn_model *model)
     bool fits = cells_list(&p->cells, model) && kn_springs_init(&p->springs, model) &&
                 (p->gauge = kn_gauge_create(model)) &&
                 make_room(p, (size_t)model->node_count, (size_t)p->cells.count, (size_t)p->springs.count);
-    for (int i = 0; fits && i < model->def.probe_count; i++) fits = tool_form_make(&p->tool[i], model, i);
+    for (int i = 0; fits && i < model->def.probe_count; i++) fits = kn_tool_form_make(&p->tool[i], model, i);
     // An edge is a line cell of two points.
     for (int e = 0; fits && e < p->springs.count; e++) {
         p->line[e][0] = p->springs.spring[e].i;
@@ -491,7 +477,7 @@ typedef struct tool_room {
 
 // Fill the buffers. Cell 0 is a vertex at the tool's position (point 0). The other cells are the triangles of the
 // surface.
-static void fill_tool(tool_room *r, const tool_form *f, const kn_force *tool, const kn_probe_def *def)
+static void fill_tool(tool_room *r, const kn_tool_form *f, const kn_force *tool, const kn_probe_def *def)
 {
     float(*vector)[3] = (float(*)[3])r->vector;
     tool_form_place(f, def, tool->proxy_position_m, tool->proxy_orientation_wxyz, r->xyz);
@@ -515,7 +501,7 @@ static void fill_tool(tool_room *r, const tool_form *f, const kn_force *tool, co
 static bool write_tool(kn_paraview *p, const kn_moment *m, int probe, char *error, size_t size)
 {
     const kn_force *tool = m->tool[probe]; // NULL: no hand holds the tool
-    const tool_form *f = &p->tool[probe];
+    const kn_tool_form *f = &p->tool[probe];
     const size_t points = (size_t)f->point_count, cells = (size_t)f->triangle_count + 1;
     tool_room r = {calloc(points, sizeof *r.xyz), calloc(points, sizeof *r.vector), calloc(cells, 3 * sizeof *r.corner),
                    calloc(cells, sizeof *r.end), calloc(cells, 1)};

@@ -31,6 +31,19 @@ typedef struct kn_moment {
     const kn_force *tool[KN_PROBES_MAX]; // pose and forces of the tool of each probe; NULL: no hand holds this tool
 } kn_moment;
 
+// Surface of a tool as triangles, in the tool's own coordinates [m]. The surface is the one that the contact computation
+// uses (core/shape.h). A round tool is divided in steps of 7.5 degrees. The contact computation gives a plate no
+// thickness; here a plate is 2 mm thick, as in the pictures.
+typedef struct kn_tool_form {
+    int point_count, triangle_count;
+    float (*xyz)[3];        // point 0 is the origin of the coordinates and belongs to no triangle
+    int32_t (*triangle)[3]; // three indices in `xyz` per triangle, counter-clockwise as seen from outside
+} kn_tool_form;
+
+// Make the surface of a tool. On failure (out of memory) return false with a zeroed form.
+bool kn_tool_form_make(kn_tool_form *form, const kn_model *model, int probe);
+void kn_tool_form_free(kn_tool_form *form); // a zeroed struct is allowed
+
 typedef struct kn_paraview kn_paraview;
 
 // Open an export into an existing folder, add moments in time order, and close the export. On failure the functions

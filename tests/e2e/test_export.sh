@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# knead export: a press as VTK, PLY and CSV files, read back by VTK's own readers; scenes at rest; and all possible
-# errors, which leave no files behind.
+# knead export: a press as VTK, PLY, CSV and MCAP files, read back by VTK's own readers, and at night, where npm is, by that
+# of MCAP's authors; scenes at rest; and all possible errors, which leave no files behind.
 . "$KN_SOURCE/tests/e2e/kneadd.sh"
 /usr/bin/python3 -c 'import vtk' 2>/dev/null || { echo "skipped: no VTK here (package python3-vtk9)"; exit 77; }
 exported() { /usr/bin/python3 "$KN_SOURCE/tests/e2e/exported.py" "$@" || failed=1; }
@@ -24,6 +24,19 @@ exported log press press.csv 144 "$edges"
 check "a part of a press is exported" knead export press.lcmlog --vtk part --csv part.csv --from 0.2 --to 0.3 --every 0.05
 check "the exported part has three moments" [ "$(ls part | grep -c ^object_)" = 3 ]
 check "the exported part has a row for each of its 101 ticks" [ "$(wc -l <part.csv)" = 102 ]
+
+check "a press is exported as messages" knead export press.lcmlog --mcap press.mcap --every 0.1
+knead export press.lcmlog --mcap again.mcap --every 0.1 >/dev/null
+check "exported again, the messages are the same to the byte" cmp press.mcap again.mcap
+knead export press.lcmlog --mcap part.mcap --from 0.2 --to 0.3 --every 0.05 >/dev/null
+if [ -d "$KN_BUILD/../mcap/node_modules" ]; then
+    ln -s "$KN_BUILD/../mcap/node_modules" .
+    cp "$KN_SOURCE/tests/e2e/mcap_reader.mjs" .
+    node mcap_reader.mjs press.mcap press.csv "$(ls press | grep -c ^object_)" 2 || failed=1
+    node mcap_reader.mjs part.mcap part.csv 3 0 || failed=1
+else
+    echo "     the messages are not read: tests/run --all found no npm"
+fi
 
 at=$(grep -o 'timestep="[0-9.]*"' press/object.pvd | tail -1 | tr -dc 0-9.)
 for what in displacement:displacement_m stress:von_mises_stress_pa residual:residual_strain; do
@@ -72,7 +85,7 @@ check "a flat object is exported" knead export --scene flat.yaml --vtk flat
 exported flat flat 8e-4
 
 refused "nothing to export" 2 'expected a LOG or --scene' --vtk x
-refused "nothing to write" 2 'expected --vtk DIR, --ply PATH or --csv FILE' press.lcmlog
+refused "nothing to write" 2 'expected --vtk DIR, --ply PATH, --csv FILE or --mcap FILE' press.lcmlog
 refused "no such log" 2 'nosuch.lcmlog: .*expected an LCM event log' nosuch.lcmlog --vtk x
 refused "a file that is no log" 2 'expected an LCM event log|not a record of an LCM event log' press.csv --vtk x
 refused "an output folder that is not empty" 2 'press: is not empty, expected a new folder' press.lcmlog --vtk press
@@ -80,6 +93,9 @@ refused "a file in the place of the output folder" 2 'press.csv: is not a folder
 refused "an output folder in a missing folder" 3 'nosuch/x: No such file' press.lcmlog --vtk nosuch/x
 refused "a table in a missing folder" 3 'nosuch/x.csv: No such file' press.lcmlog --csv nosuch/x.csv --vtk x
 refused "an output over the log itself" 2 'press.lcmlog: is being read' press.lcmlog --csv press.lcmlog
+refused "a file of messages over the log itself" 2 'press.lcmlog: is being read' press.lcmlog --mcap press.lcmlog
+refused "a file of messages in a missing folder" 3 'nosuch/x.mcap: No such file' press.lcmlog --mcap nosuch/x.mcap --csv x
+refused "messages of a scene at rest" 2 'expected a log, because a scene at rest does not change' --scene "$scenes/dough-small.yaml" --mcap x
 refused "two outputs with the same path" 2 'expected a separate path' press.lcmlog --csv x --vtk x
 refused "two outputs with the same path in two spellings" 2 'expected a separate path' press.lcmlog --csv x --vtk ./x --at 0.1
 refused "two outputs with the same path, one with a slash" 2 'expected a separate path' press.lcmlog --vtk x --ply x/
@@ -122,7 +138,7 @@ head -c 300000 press.lcmlog >cut.lcmlog
 knead export cut.lcmlog --vtk cut >out 2>err
 check "a damaged log is exported up to the damage" [ -e cut/object.pvd ]
 check "the export reports the damage: $(cat err)" grep -q "only the log before this point was used" err
-(ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --vtk full --csv full.csv) >out 2>err
+(ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --vtk full --csv full.csv --mcap full.mcap) >out 2>err
 got=$?
 check "a full disk is reported in one line ($(cat err))" eval '[ $got = 3 ] && [ $(wc -l <err) = 1 ]'
 check "a full disk leaves no partial files" [ -z "$(ls -A | grep full)" ]
