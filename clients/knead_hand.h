@@ -33,6 +33,10 @@ typedef struct kn_hand {
     double last_m[3], last_m_s[3]; // newest pose
 } kn_hand;
 
+enum {
+    KN_HAND_ENGAGED = 1,
+    KN_HAND_LATCHED = 4
+};                                                // of flags: the tool acts on the object; a fault holds the force at 0
 enum { KN_HAND_POSE = 125, KN_HAND_FORCE = 249 }; // sizes of probe_pose_t and contact_force_t [bytes]
 
 static inline int64_t kn_hand_now(clockid_t clock)
@@ -160,7 +164,9 @@ static inline void kn_hand_move(kn_hand *h, const double position_m[3], const do
     double factor = age < hold ? 1 : (double)(zero - age) / (double)(zero - hold);
     if (h->silent_ns || age >= zero) factor = 0;
     for (int k = 0; k < 3; k++) force_n[k] = factor * h->force_n[k];
-    h->trouble = factor == 0 ? "no force from kneadd: is it running?" : h->flags & 4 ? "latched: lift the tool" : "";
+    h->trouble = factor == 0                  ? "no force from kneadd: is it running?"
+                 : h->flags & KN_HAND_LATCHED ? "latched: lift the tool"
+                                              : "";
 }
 
 static inline void kn_hand_close(kn_hand *h)

@@ -1,12 +1,9 @@
 #!/usr/bin/env bash
-# A client of stock LCM and the .lcm files alone holds a weight on a served cube of dough by force control. The cube sinks as
-# knead creep says.
+# clients/examples/weight.c holds a weight on a served cube of dough by force control. The cube sinks as knead creep says.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-mkdir -p weight/proto
-(cd "$KN_SOURCE" && lcm-gen -c --c-cpath "$OLDPWD/weight/proto" --c-hpath "$OLDPWD/weight/proto" proto/probe_pose_t.lcm proto/contact_force_t.lcm) &&
-    cc -O2 -Iweight -o weight/weight "$KN_SOURCE/clients/examples/weight.c" weight/proto/*.c -llcm -lm || exit 70
+cc -O2 -I"$KN_SOURCE/clients" -o weight "$KN_SOURCE/clients/examples/weight.c" -lm || exit 70
 start_kneadd dough.yaml --set object.size='[1 cm, 1 cm, 1 cm]' --set support=frictionless --set probes.plate.size='[2 cm, 2 cm]'
-$ahead weight/weight plate 0.01 0.4903325 8 >sinks.txt
+$ahead ./weight plate 0.01 0.4903325 8 >sinks.txt
 status=$?
 check "the client holds 50 gf for 8 s: $(tail -1 sinks.txt)" [ $status = 0 ]
 kill -INT $server
