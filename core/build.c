@@ -5,7 +5,6 @@
 #include "core/solve/kernel.h"
 #include "core/lattice/lattice.h"
 #include "core/solve/solver.h"
-#include "core/solve/step_effort.h"
 #include "core/solver_fixed.h"
 
 #include <math.h>
@@ -347,7 +346,6 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
         *list[i].field = kn_arena_take(a, kn_state_field(m, list[i].components));
     w->g = kn_arena_take(a, (size_t)kn_work_edge(m) * m->edge_reals * kn_model_real(m));
-    w->middle = kn_step_is_long(m) ? kn_arena_take(a, kn_state_field(m, 3)) : NULL;
     w->whole = m->composite ? kn_arena_take(a, kn_state_field(m, 6)) : NULL;
     w->cell = NULL;
     if (m->def.pressure != KN_PRESSURE_NONE) w->cell = kn_arena_take(a, cell_reals(m) * kn_model_real(m));

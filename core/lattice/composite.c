@@ -399,7 +399,6 @@ static kn_work work_of(const kn_model *m, const kn_work *w, int part)
     const int row = m->composite->row_first[part];
     return (kn_work){
         .guess = rows_from(m, w->guess, 3, row),
-        .middle = rows_from(m, w->middle, 3, row),
         .r = rows_from(m, w->r, 3, row),
         .q = rows_from(m, w->q, 3, row),
         .d = rows_from(m, w->d, 3, row),

@@ -20,13 +20,11 @@
 typedef struct kn_work {
     // a leading (3) or (6) is the number of components per node
     void *guess; // (3) velocity to be solved for; starts as the last velocity, or the prescribed one if there is one
-    // (3) in long steps, displacement in the middle of the step, which gives the directions of the edges; else NULL
-    void *middle;
-    void *r; // (3) residual force of each node [N]
-    void *q; // (3) product A d of the step's matrix and the search direction
-    void *d; // (3) search direction of the conjugate gradients
-    void *z; // (3) preconditioned residual P r
-    void *p; // (6) diagonal blocks of the matrix while they are summed, then blocks of P: xx xy xz yy yz zz
+    void *r;     // (3) residual force of each node [N]
+    void *q;     // (3) product A d of the step's matrix and the search direction
+    void *d;     // (3) search direction of the conjugate gradients
+    void *z;     // (3) preconditioned residual P r
+    void *p;     // (6) diagonal blocks of the matrix while they are summed, then blocks of P: xx xy xz yy yz zz
     // For each edge the vector sqrt(kappa weight ds/dw) n. Layout: block [row][13][x y z][stride], net [edge][x y z]. A
     // block in f64 has one real per edge instead, kappa weight ds/dw / length^2, in [row][13][stride].
     void *g;

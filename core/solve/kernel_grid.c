@@ -198,7 +198,7 @@ enum { LEAN = sizeof(real) == sizeof(double) };
 typedef struct fields { // the fields of a state and of the solver, with the type `real`
     // K: number of vectors per row. If K is a constant 1, the compiler removes the branches from the loops.
     int K;
-    const real *x, *v, *middle;
+    const real *x, *v;
     real *u, *guess, *r, *q, *d, *z, *p, *g;
     const real *free;
 } fields;
@@ -208,7 +208,6 @@ LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
     return (fields){K,
                     state->displacement,
                     state->velocity,
-                    work->middle,
                     state->strain,
                     work->guess,
                     work->r,
@@ -235,7 +234,6 @@ typedef struct edges {
 LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields *f, const edges *x, kn_law_kind kind,
                            bool stroke, kn_linearization how, bool again, bars *x16, lanes *stress, lanes *root)
 {
-    bars first; // geometry at the start of the step, if x16 is that in its middle
     // differences between far end and near end: rest position, displacement, velocity
     x16->scale = lanes_set(t->inverse[x->e]);
     for (int c = 0; c < 3; c++) {
@@ -245,13 +243,6 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
         x16->dv[c] = lanes_sub(near(f->K, f->v, x->to, c, x->k, x->s), lanes_load(f->v + at(f->K, x->row, 3, c, x->k)));
     }
     bars_direct(&t->law, x16);
-    if (f->middle) {
-        first = *x16;
-        for (int c = 0; c < 3; c++)
-            x16->shift[c] = lanes_sub(near(f->K, f->middle, x->to, c, x->k, x->s),
-                                      lanes_load(f->middle + at(f->K, x->row, 3, c, x->k)));
-        bars_direct(&t->law, x16);
-    }
     lanes wanted = x16->rate;
     // if the guessed velocity differs from the last velocity, compute the edges' growth rate from the guess
     if (x->moved || again) {
@@ -262,7 +253,7 @@ LANES_INLINE void edge_law(const kn_model *model, const tables *t, const fields 
         wanted = dot(x16->n, dg);
     }
     real *strain = kind == KN_LAW_VOIGT ? NULL : f->u + at(f->K, x->row, KN_FORWARD, x->e, x->k);
-    bars_law(model, &t->law, f->middle ? &first : x16, kind, stroke, how, wanted, x->moved || again, again,
+    bars_law(model, &t->law, x16, kind, stroke, how, wanted, x->moved || again, again,
              t->lane_here[x->s + 1] + (size_t)x->k * KN_LANES, strain, stress, root);
 }
 
@@ -412,11 +403,10 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
 // Run the edge pass over a whole block. All edges that end in a row start in this row or in an earlier row. So a row is
 // complete after its own edges. Return r.z, summed plane by plane in a fixed order.
 LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_work *work, kn_law_kind kind,
-                              bool stroke, kn_linearization how, bool again, int K, bool longer)
+                              bool stroke, kn_linearization how, bool again, int K)
 {
     const tables *t = model->tables;
     fields f = fields_of(state, work, K);
-    if (!longer) f.middle = NULL; // a constant, so that the loops of a short step do not ask
     double sum = 0;
     for (int c = 0, row = 0; c < t->planes; c++) {
         lanes plane = lanes_set(0);
@@ -430,19 +420,18 @@ LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_w
 }
 
 // Define one function for each kind of law. gcc -O3 takes twice as long to compile a single function with all kinds.
-#define EDGE_PASS(name, kind, stroke, again, K, longer, ...)                                                           \
+#define EDGE_PASS(name, kind, stroke, again, K, ...)                                                                   \
     static __attribute__((noinline)) double edge_##name(__VA_ARGS__)                                                   \
     {                                                                                                                  \
-        return edge_pass(model, state, work, kind, stroke, how, again, K, longer);                                     \
+        return edge_pass(model, state, work, kind, stroke, how, again, K);                                             \
     }
 #define ONE_ROW const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how
-EDGE_PASS(stroke, ((const tables *)model->tables)->law.kind, true, again, K, work->middle, ONE_ROW, bool again, int K)
-EDGE_PASS(voigt, KN_LAW_VOIGT, false, again, K, false, ONE_ROW, bool again, int K)
-EDGE_PASS(linear, KN_LAW_LINEAR, false, again, K, false, ONE_ROW, bool again, int K)
-EDGE_PASS(table_1, KN_LAW_TABLE, false, false, 1, false, ONE_ROW)
-EDGE_PASS(table, KN_LAW_TABLE, false, again, K, false, ONE_ROW, bool again, int K)
-EDGE_PASS(table_long, KN_LAW_TABLE, false, again, K, true, ONE_ROW, bool again, int K)
-EDGE_PASS(exact, KN_LAW_EXACT, false, again, K, work->middle, ONE_ROW, bool again, int K)
+EDGE_PASS(stroke, ((const tables *)model->tables)->law.kind, true, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(voigt, KN_LAW_VOIGT, false, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(linear, KN_LAW_LINEAR, false, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(table_1, KN_LAW_TABLE, false, false, 1, ONE_ROW)
+EDGE_PASS(table, KN_LAW_TABLE, false, again, K, ONE_ROW, bool again, int K)
+EDGE_PASS(exact, KN_LAW_EXACT, false, again, K, ONE_ROW, bool again, int K)
 
 #include "core/solve/kernel_cells.h"
 
@@ -457,7 +446,6 @@ static double edge(const kn_model *model, kn_state *state, const kn_work *work, 
     case KN_LAW_VOIGT: return edge_voigt(model, state, work, how, again, K);
     case KN_LAW_LINEAR: return edge_linear(model, state, work, how, again, K);
     case KN_LAW_TABLE:
-        if (work->middle) return edge_table_long(model, state, work, how, again, K);
         return K == 1 && !again ? edge_table_1(model, state, work, how) : edge_table(model, state, work, how, again, K);
     default: return edge_exact(model, state, work, how, again, K);
     }
@@ -526,7 +514,6 @@ LANES_INLINE double apply_rows(const kn_model *model, const kn_state *state, con
 {
     const tables *t = model->tables;
     fields f = fields_of(state, work, K);
-    if (LEAN && work->middle) f.x = work->middle; // the directions of the edge pass
     const real beta = (real)beta_;
     double total = 0;
     // ready: number of rows with the new direction d; the products need d one plane and one row ahead

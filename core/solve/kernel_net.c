@@ -168,17 +168,12 @@ LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const kn_wo
     for (int l = 0; l < count; l++) afresh = afresh || work->row_moved[edge[l][0]] || work->row_moved[edge[l][1]];
 
     // gather the geometry, evaluate the law, scatter the results
-    bars x16, first; // first: geometry at the start of the step, if x16 is that in its middle
+    bars x16;
     x16.scale = lanes_load(t->scale + at);
     for (int k = 0; k < 3; k++) x16.rest[k] = lanes_load(t->rest + 3 * at + (size_t)k * KN_LANES);
     gather(edge, count, state->displacement, x16.shift);
     gather(edge, count, state->velocity, x16.dv);
     bars_direct(&t->law, &x16);
-    first = x16;
-    if (work->middle) {
-        gather(edge, count, work->middle, x16.shift);
-        bars_direct(&t->law, &x16);
-    }
     lanes wanted = x16.rate;
     if (afresh) {
         lanes dg[3];
@@ -187,7 +182,7 @@ LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const kn_wo
     }
     lanes stress, root;
     real *strain = kind == KN_LAW_VOIGT ? NULL : (real *)state->strain + at;
-    bars_law(model, &t->law, &first, kind, stroke, how, wanted, afresh, again, t->here + at, strain, &stress, &root);
+    bars_law(model, &t->law, &x16, kind, stroke, how, wanted, afresh, again, t->here + at, strain, &stress, &root);
     scatter(work, edge, count, (int)at, x16.n, lanes_mul(stress, lanes_load(t->area + at)),
             lanes_mul(root, lanes_load(t->root + at)));
 }

@@ -48,20 +48,6 @@ static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
     for (int i = 0; i < s->contact.hold_count; i++) hold_node(m, state, s, &s->contact.hold[i]);
 }
 
-// Find the displacements in the middle of a long step, by the present guess.
-static void find_middle(const kn_model *m, const kn_state *state, kn_scratch *s)
-{
-    const size_t count = kn_model_field(m, 3);
-    const double half_s = 0.5 * m->def.solver.dt_s;
-    if (kn_model_single(m)) {
-        const float *x = state->displacement, *v = s->work.guess, half = (float)half_s;
-        for (size_t i = 0; i < count; i++) ((float *)s->work.middle)[i] = x[i] + half * v[i];
-    } else {
-        const double *x = state->displacement, *v = s->work.guess;
-        for (size_t i = 0; i < count; i++) ((double *)s->work.middle)[i] = x[i] + half_s * v[i];
-    }
-}
-
 // --- loads -----------------------------------------------------------------------------------------------------------
 
 static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
@@ -384,7 +370,6 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *s, co
         if (impact) let_go(model, state, s);
         // linearise: dead load, contact, then the law of every edge at the guess
         add_external(model, s, input);
-        if (s->work.middle) find_middle(model, state, s);
         rigid_begin(model, state, s);
         rz = model->kernels->edge(model, state, &s->work, how, pass > 0);
         rz += rigid_add(model, s);
