@@ -24,6 +24,7 @@
 
 typedef struct kn_hand {
     double force_n[3];   // newest force of kneadd on the hand, before the watchdog
+    double contact_n[3]; // force of the object on the tool in the same message, before the limits of the device
     int32_t flags;       // FLAG_* of proto/contact_force_t.lcm
     const char *trouble; // why there is no force, ""; valid after kn_hand_move
     int socket;          // private from here on
@@ -33,10 +34,8 @@ typedef struct kn_hand {
     double last_m[3], last_m_s[3]; // newest pose
 } kn_hand;
 
-enum {
-    KN_HAND_ENGAGED = 1,
-    KN_HAND_LATCHED = 4
-};                                                // of flags: the tool acts on the object; a fault holds the force at 0
+// Bits of `flags`: the tool acts on the object; a fault holds the force at 0.
+enum { KN_HAND_ENGAGED = 1, KN_HAND_LATCHED = 4 };
 enum { KN_HAND_POSE = 125, KN_HAND_FORCE = 249 }; // sizes of probe_pose_t and contact_force_t [bytes]
 
 static inline int64_t kn_hand_now(clockid_t clock)
@@ -140,8 +139,9 @@ static inline void kn_hand_receive(kn_hand *h)
         h->heard_ns = kn_hand_now(CLOCK_MONOTONIC);
         h->flags = (int32_t)kn_hand_get(p + 240, 4);
         for (int k = 0; k < 3; k++) {
-            const uint64_t bits = kn_hand_get(p + 104 + 8 * k, 8);
-            memcpy(&h->force_n[k], &bits, sizeof bits);
+            const uint64_t contact = kn_hand_get(p + 56 + 8 * k, 8), force = kn_hand_get(p + 104 + 8 * k, 8);
+            memcpy(&h->contact_n[k], &contact, sizeof contact);
+            memcpy(&h->force_n[k], &force, sizeof force);
         }
     }
 }

@@ -1,8 +1,8 @@
 // hand.c: connect your haptic device to a running kneadd, in 40 lines. Replace the three places marked (1) (2) (3). From
 // the top of the source tree:
 //
-//     cc -O2 -Iclients -o build/hand clients/examples/hand.c -lm
-//     build/hand [PROBE]          the tool's name in the scene, default finger; Ctrl-C ends the program
+//     cc -O2 -Iclients -o build/my_hand clients/examples/hand.c -lm
+//     build/my_hand [PROBE]          the tool's name in the scene, default finger; Ctrl-C ends the program
 #include "knead_hand.h"
 #include <math.h>
 #include <signal.h>
@@ -17,9 +17,9 @@ int main(int argc, char **argv)
         return perror("hand: no multicast; is there a route? README.md says how"), 3;
     signal(SIGINT, end), signal(SIGTERM, end);
     // (1) open your device here and enable its force output
-    for (int ms = 0; !ends; ms++) {
+    for (int64_t ms = 0; !ends; ms++) {
         // (2) read your device here: m and m/s, z up, origin under the object's centre. Example: z swings 60 to 37 mm
-        const double w = 2 * M_PI / 4, phase = w * 1e-3 * ms;
+        const double w = 2 * M_PI / 4, phase = w * 1e-3 * (double)ms;
         const double position_m[3] = {0, 0, 0.0485 + 0.0115 * cos(phase)};
         const double velocity_m_s[3] = {0, 0, -0.0115 * w * sin(phase)};
 

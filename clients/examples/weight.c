@@ -25,21 +25,21 @@ int main(int argc, char **argv)
     double position_m[3] = {0, 0, top_m + HOVER_M}, velocity_m_s[3] = {0}, force_n[3], down_m_s = 0, since_s = 0;
     for (int64_t n = 1, last_ns = hand.next_ns; since_s < seconds; n++) {
         kn_hand_move(&hand, position_m, velocity_m_s, force_n); // waits for the next millisecond
-        const double dt_s = 1e-9 * (double)(hand.next_ns - last_ns);
+        const double felt_n = hand.contact_n[2], dt_s = 1e-9 * (double)(hand.next_ns - last_ns);
         last_ns = hand.next_ns;
         if ((hand.flags & KN_HAND_LATCHED) || (*hand.trouble && since_s > 0))
             return fprintf(stderr, "weight: %s; start again\n", hand.trouble), 1;
         // hover until kneadd has taken up the tool, then lower the plate, then hold the weight
-        if (since_s > 0) down_m_s *= exp(RATE * dt_s * (1 - fmin(force_n[2] / weight_n, 2)));
+        if (since_s > 0) down_m_s *= exp(RATE * dt_s * (1 - fmin(felt_n / weight_n, 2)));
         else
             down_m_s = !(hand.flags & KN_HAND_ENGAGED)  ? 0
                        : position_m[2] > top_m + NEAR_M ? 100 * LOWER_M_S
                                                         : LOWER_M_S;
-        if (since_s > 0 || force_n[2] > 0) since_s += dt_s;
+        if (since_s > 0 || felt_n > 0) since_s += dt_s;
         position_m[2] -= down_m_s * dt_s;
         velocity_m_s[2] = -down_m_s;
         if (since_s == 0 || (n % 1000 && since_s < seconds)) continue;
-        printf("%6.2f s   %8.5f m   %7.4f N\n", since_s, position_m[2], force_n[2]);
+        printf("%6.2f s   %8.5f m   %7.4f N\n", since_s, position_m[2], felt_n);
         fflush(stdout);
     }
     kn_hand_close(&hand);

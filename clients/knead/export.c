@@ -1,5 +1,5 @@
 // knead export: writes the states of an object over time to files for other programs: ParaView and VTK, MeshLab and
-// Open3D, tables.
+// Open3D, Foxglove, tables.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
@@ -35,7 +35,7 @@ static const char help[] =
     "  --csv FILE         a table of the exported part of the recording: one row for each tick and live probe.\n"
     "                     The columns are those of knead replay --csv\n"
     "  --mcap FILE        file for Foxglove and other readers of MCAP: poses and forces of every tick,\n"
-    "                     and the surface with the tools at every moment, as JSON with its schemas\n\n"
+    "                     and the surface with the tools at every moment, as JSON. Each topic has its schema\n\n"
     "  --from S, --to S   part of the recording, in seconds since its first session began (default: all of it)\n"
     "  --every S          interval between two exported moments, in seconds, 0.001 or more (default: 0.1)\n"
     "  --at SECONDS|end   export this moment only\n"
@@ -62,7 +62,7 @@ typedef struct run {
     kn_output_folder vtk, plys;
     kn_beside ply, csv, mcap;
     kn_paraview *paraview;
-    kn_mcap *messages; // what writes `mcap`
+    kn_mcap *messages; // writer of `mcap`
     kn_gauge *gauge;
     int gauged; // number of the model (kn_moment.models) that `gauge` was made for; the gauge computes stresses
     int moments;
@@ -188,8 +188,7 @@ static int check(options *o)
     if (!o->vtk && !o->ply && !o->csv && !o->mcap) REFUSE("expected --vtk DIR, --ply PATH, --csv FILE or --mcap FILE");
     if (o->scene && (o->csv || o->mcap || o->spaced || !isnan(o->at_s) || o->snapshot))
         REFUSE("--csv, --mcap, --from, --to, --every, --at and --snapshot: expected a log, because a scene at rest "
-               "does not "
-               "change");
+               "does not change");
     if (!isnan(o->at_s) && o->spaced) REFUSE("--at: expected no --from, --to or --every with it");
     if (o->to_s < o->from_s) REFUSE("--to %g: expected no less than --from %g", o->to_s, o->from_s);
     if (o->top && !o->ply) REFUSE("--top %s: expected --ply as well", o->top);
@@ -268,7 +267,8 @@ static int keep_outputs(run *r)
     // Flush the files first, so that a full disk is reported before the first output appears.
     kn_beside *files[] = {&r->csv, &r->ply, &r->mcap};
     for (int i = 0; i < 3; i++)
-        if (files[i]->file && fflush(files[i]->file) != 0) FAIL("%s: %s", files[i]->path, strerror(errno));
+        if (files[i]->file && (fflush(files[i]->file) != 0 || ferror(files[i]->file)))
+            FAIL("%s: %s", files[i]->path, strerror(errno));
     for (int i = 0; i < 3; i++)
         if (files[i]->file && !kn_beside_keep(files[i], error, sizeof error)) FAIL("%s", error);
     if (!kn_output_folder_keep(&r->plys, error, sizeof error)) FAIL("%s", error);
@@ -398,7 +398,7 @@ static int take_tick(run *r, kn_replay *replay, double *next_s)
     const options *o = r->o;
     const double t = replay->tick.time_s;
     const bool one = !isnan(o->at_s);
-    // The clock's time at the recording's time 0 follows from the first tick, so it is the same for each exported part.
+    // Time 0 of the recording on the wall clock. Every part of a recording gives the same value.
     if (o->mcap && !r->messages &&
         !(r->messages = kn_mcap_open(r->mcap.file, replay->model, replay->tick.utime - llround(1e6 * t))))
         FAIL("out of memory");

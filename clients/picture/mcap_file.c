@@ -11,7 +11,7 @@
 // chunks. Each chunk is followed by an index of its messages for each channel, and the file ends with an index of all
 // chunks. Numbers are little-endian.
 #define MAGIC "\x89MCAP0\r\n"
-#define CHUNK_SIZE 1000000
+#define ROOT "World" // frame of the scene; names of tools have small letters
 enum { HEADER = 1, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, CHUNK_INDEX, STATISTICS = 11, DATA_END = 15 };
 
 // The schemas of the messages, in the language of JSON Schema.
@@ -28,8 +28,8 @@ enum { HEADER = 1, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, CHUNK_INDEX, 
 #define POSE OBJECT_OF(IS("position", VECTOR) "," IS("orientation", TURN))
 #define ROD(part) IS(part "_length", NUMBER) "," IS(part "_diameter", NUMBER)
 #define ARROW OBJECT_OF(IS("pose", POSE) "," ROD("shaft") "," ROD("head") "," IS("color", COLOR))
-#define POINTS LIST("points", VECTOR) "," LIST("colors", COLOR) "," LIST("indices", INTEGER)
-#define TRIANGLES OBJECT_OF(IS("pose", POSE) "," POINTS "," IS("color", COLOR))
+#define TRIANGLES                                                                                                      \
+    OBJECT_OF(IS("pose", POSE) "," LIST("points", VECTOR) "," LIST("indices", INTEGER) "," IS("color", COLOR))
 #define STAMP IS("timestamp", TIME)
 #define NAMES IS("frame_id", TEXT) "," IS("id", TEXT) "," IS("lifetime", TIME)
 #define ENTITY OBJECT_OF(STAMP "," NAMES "," LIST("arrows", ARROW) "," LIST("triangles", TRIANGLES))
@@ -40,7 +40,7 @@ static const char *const schemas[][2] = {
     {"foxglove.SceneUpdate", OBJECT_OF(LIST("deletions", OBJECT_OF(IS("id", TEXT))) "," LIST("entities", ENTITY))},
     {"knead.Force", OBJECT_OF(STAMP "," IS("tick", INTEGER) "," IS("position_m", VECTOR) "," FORCES)},
 };
-enum { TF, OBJECT, FORCE, CHANNELS = FORCE + KN_PROBES_MAX };
+enum { TF, SCENE, FORCE, CHANNELS = FORCE + KN_PROBES_MAX };
 
 typedef struct bytes { // a growing array
     uint8_t *at;
@@ -56,7 +56,7 @@ struct kn_mcap {
     bytes head, chunk, index[CHANNELS], chunks;
     uint64_t chunk_ns[2], all_ns[2]; // first and last time of the messages in the present chunk, and in the file
     uint64_t channels, chunk_count, messages, count[CHANNELS]; // count: messages of each channel
-    bool failed, shown[KN_PROBES_MAX]; // failed: memory was short. shown: the shape of this tool has been sent
+    bool failed;                                               // memory was short
 };
 
 static void put(kn_mcap *m, bytes *b, const void *data, size_t size)
@@ -115,15 +115,13 @@ static void end_chunk(kn_mcap *m)
     const uint64_t length = out.count;
     for (uint64_t c = 0; c < m->channels; c++) {
         if (m->index[c].count == 0) continue;
-        put_number(m, &places, c, 2);
-        put_number(m, &places, m->written + out.count, 8);
+        put_number(m, &places, c, 2), put_number(m, &places, m->written + out.count, 8);
         record(m, &out, INDEX, "2b", c, &m->index[c]);
         m->index[c].count = 0;
     }
     record(m, &m->chunks, CHUNK_INDEX, "8888b8t88", first, last, m->written, length, &places, out.count - length, "",
            size, size);
-    m->chunk_count++;
-    m->chunk.count = 0;
+    m->chunk_count++, m->chunk.count = 0;
     write_out(m, &out);
     free(places.at);
 }
@@ -135,30 +133,29 @@ static void add(kn_mcap *m, uint64_t channel, uint64_t ns, json_t *value)
     json_decref(value);
     m->failed |= !text;
     if (m->chunk.count == 0) m->chunk_ns[0] = ns;
-    if (m->all_ns[1] == 0) m->all_ns[0] = ns;
+    if (m->messages == 0) m->all_ns[0] = ns;
     m->chunk_ns[1] = m->all_ns[1] = ns;
     put_number(m, &m->index[channel], ns, 8), put_number(m, &m->index[channel], m->chunk.count, 8);
     const bytes content = {(uint8_t *)text, text ? strlen(text) : 0, 0};
     record(m, &m->chunk, MESSAGE, "2488r", channel, m->count[channel]++, ns, ns, &content);
     free(text);
     m->messages++;
-    if (m->chunk.count > CHUNK_SIZE) end_chunk(m);
+    if (m->chunk.count > 1000000) end_chunk(m);
 }
 
 kn_mcap *kn_mcap_open(FILE *file, const kn_model *model, int64_t epoch_us)
 {
     bytes out = {0};
     char topic[KN_NAME_MAX + 16];
-    static const char *const fixed[] = {"/tf", "/object"};
+    static const char *const fixed[] = {"/tf", "/scene"};
     kn_mcap *m = calloc(1, sizeof *m);
     if (!m) return NULL;
     *m = (kn_mcap){.file = file, .epoch_us = epoch_us, .channels = FORCE + U(model->def.probe_count)};
-    for (uint64_t i = 0; i <= FORCE; i++)
+    for (uint64_t i = 0; i < 3; i++)
         record(m, &m->head, SCHEMA, "2ttt", i + 1, schemas[i][0], "jsonschema", schemas[i][1]);
     for (uint64_t c = 0; c < m->channels; c++) {
-        const bool own = c >= FORCE;
-        snprintf(topic, sizeof topic, "/%s/force", own ? model->def.probe[c - FORCE].name : "");
-        record(m, &m->head, CHANNEL, "22tt4", c, own ? U(FORCE + 1) : c + 1, own ? topic : fixed[c], "json", U(0));
+        snprintf(topic, sizeof topic, "/%s/force", c < FORCE ? "" : model->def.probe[c - FORCE].name);
+        record(m, &m->head, CHANNEL, "22tt4", c, U(c < FORCE ? c + 1 : 3), c < FORCE ? fixed[c] : topic, "json", U(0));
     }
     put(m, &out, MAGIC, 8);
     record(m, &out, HEADER, "tt", "", "knead");
@@ -204,7 +201,7 @@ void kn_mcap_tick(kn_mcap *m, const kn_model *model, const kn_replay_tick *t)
         // A plate is always level.
         const double *turn = def->shape == KN_PROBE_PLATE ? (double[4]){1} : f->proxy_orientation_wxyz;
         add(m, TF, ns,
-            json_pack("{s:o,s:s,s:s,s:o,s:o}", "timestamp", stamp(ns), "parent_frame_id", "world", "child_frame_id",
+            json_pack("{s:o,s:s,s:s,s:o,s:o}", "timestamp", stamp(ns), "parent_frame_id", ROOT, "child_frame_id",
                       def->name, "translation", vector(f->proxy_position_m), "rotation", turn_of(turn)));
         add(m, FORCE + U(p), ns,
             json_pack("{s:o,s:I,s:o,s:o,s:o,s:o}", "timestamp", stamp(ns), "tick", (json_int_t)t->out.tick,
@@ -213,30 +210,33 @@ void kn_mcap_tick(kn_mcap *m, const kn_model *model, const kn_replay_tick *t)
     }
 }
 
+static void append(kn_mcap *m, json_t *list, json_t *value) { m->failed |= json_array_append_new(list, value) != 0; }
+
 // An entity: a surface in a frame, and arrows in the same frame; takes `arrows`.
-static json_t *entity(uint64_t ns, const char *id, const char *frame, int points, const float (*xyz)[3], int triangles,
+static json_t *entity(kn_mcap *m, uint64_t ns, const char *frame, int points, const float (*xyz)[3], int triangles,
                       const int (*corner)[3], const float rgb[3], json_t *arrows)
 {
     json_t *place = json_array(), *index = json_array();
     for (int i = 0; i < points; i++)
-        json_array_append_new(place, vector((double[]){(double)xyz[i][0], (double)xyz[i][1], (double)xyz[i][2]}));
-    for (int i = 0; i < 3 * triangles; i++) json_array_append_new(index, json_integer(corner[i / 3][i % 3]));
+        append(m, place, vector((double[]){(double)xyz[i][0], (double)xyz[i][1], (double)xyz[i][2]}));
+    for (int i = 0; i < 3 * triangles; i++) append(m, index, json_integer(corner[i / 3][i % 3]));
     return json_pack("{s:o,s:s,s:s,s:o,s:b,s:[],s:o,s:[],s:[],s:[],s:[],s:[{s:{s:o,s:o},s:o,s:[],s:o,s:o}],s:[],s:[]}",
-                     "timestamp", stamp(ns), "frame_id", frame, "id", id, "lifetime", stamp(0), "frame_locked", 1,
+                     "timestamp", stamp(ns), "frame_id", frame, "id", frame, "lifetime", stamp(0), "frame_locked", 1,
                      "metadata", "arrows", arrows, "cubes", "spheres", "cylinders", "lines", "triangles", "pose",
                      "position", vector((double[3]){0}), "orientation", turn_of((double[4]){0}), "points", place,
                      "colors", "indices", index, "color", color(rgb), "texts", "models");
 }
 
-static json_t *arrow(const kn_force *f)
+// Append an arrow for a force, unless there is none. An arrow points along x in its own frame.
+static void append_arrow(kn_mcap *m, json_t *arrows, const kn_force *f)
 {
-    const double *c = f->contact_force_n, size = sqrt(kn_dot(c, c));
-    // The arrow points along x in its own frame. A half turn about z if the force points along -x.
-    const double half[4] = {0, 0, 0, 1}, turn[4] = {size + c[0], 0, -c[2], c[1]};
-    return json_pack("{s:{s:o,s:o},s:f,s:f,s:f,s:f,s:o}", "pose", "position", vector(f->proxy_position_m),
-                     "orientation", turn_of(size > 0 && turn[0] < 1e-9 * size ? half : turn), "shaft_length",
-                     0.01 * size, "shaft_diameter", 0.001, "head_length", 0.003, "head_diameter", 0.003, "color",
-                     color((float[]){0.8F, 0.2F, 0.1F}));
+    const double *c = f->contact_force_n, size = sqrt(kn_dot(c, c)), x = c[0] / size, y = c[1] / size, z = c[2] / size;
+    if (!(size > 0)) return;
+    const double *turn = x >= 0 ? (double[4]){1 + x, 0, -z, y} : (double[4]){y, z, 0, 1 - x};
+    append(m, arrows,
+           json_pack("{s:{s:o,s:o},s:f,s:f,s:f,s:f,s:o}", "pose", "position", vector(f->proxy_position_m),
+                     "orientation", turn_of(turn), "shaft_length", 0.01 * size, "shaft_diameter", 0.001, "head_length",
+                     0.003, "head_diameter", 0.003, "color", color((float[]){0.8F, 0.2F, 0.1F})));
 }
 
 void kn_mcap_moment(kn_mcap *m, const kn_moment *moment)
@@ -244,23 +244,24 @@ void kn_mcap_moment(kn_mcap *m, const kn_moment *moment)
     const uint64_t ns = when(m, moment->time_s);
     json_t *arrows = json_array(), *entities = json_array();
     kn_object_still still = {0};
-    m->failed |= !kn_object_still_state(&still, moment->model, moment->state);
+    kn_tool_form f;
     for (int p = 0; p < moment->model->def.probe_count; p++) {
-        const char *name = moment->model->def.probe[p].name;
-        const bool held = moment->tool[p];
-        if (held) json_array_append_new(arrows, arrow(moment->tool[p]));
-        if (held == m->shown[p]) continue;
-        kn_tool_form form = {0}; // empty after the hand has left
-        m->failed |= held && !kn_tool_form_make(&form, moment->model, p);
-        json_array_append_new(entities, entity(ns, name, name, form.point_count, form.xyz, form.triangle_count,
-                                               form.triangle, (float[]){0.6F, 0.6F, 0.65F}, json_array()));
-        kn_tool_form_free(&form);
-        m->shown[p] = held;
+        if (!moment->tool[p]) continue;
+        append_arrow(m, arrows, moment->tool[p]);
+        m->failed |= !kn_tool_form_make(&f, moment->model, p);
+        append(m, entities,
+               entity(m, ns, moment->model->def.probe[p].name, f.point_count, f.xyz, f.triangle_count, f.triangle,
+                      (float[]){0.6F, 0.6F, 0.65F}, json_array()));
+        kn_tool_form_free(&f);
     }
-    json_array_append_new(entities, entity(ns, "/object", "world", still.vertex_count, still.now, still.triangle_count,
-                                           still.triangle, still.view.color, arrows));
+    m->failed |= !kn_object_still_state(&still, moment->model, moment->state);
+    append(m, entities,
+           entity(m, ns, ROOT, still.vertex_count, still.now, still.triangle_count, still.triangle, still.view.color,
+                  arrows));
     kn_object_still_free(&still);
-    add(m, OBJECT, ns, json_pack("{s:[],s:o}", "deletions", "entities", entities));
+    add(m, SCENE, ns,
+        json_pack("{s:[{s:o,s:i,s:s}],s:o}", "deletions", "timestamp", stamp(ns), "type", 1, "id", "", "entities",
+                  entities)); // type 1: in place of all that was shown
 }
 
 bool kn_mcap_close(kn_mcap *m)
@@ -271,8 +272,8 @@ bool kn_mcap_close(kn_mcap *m)
     record(m, &out, DATA_END, "4", U(0)); // no checksum
     const uint64_t summary = m->written + out.count;
     put(m, &out, m->head.at, m->head.count);
-    record(m, &out, STATISTICS, "824444884", m->messages, U(FORCE + 1), m->channels, U(0), U(0), m->chunk_count,
-           m->all_ns[0], m->all_ns[1], U(0)); // no attachments, no metadata, no counts of channels
+    record(m, &out, STATISTICS, "824444884", m->messages, U(3), m->channels, U(0), U(0), m->chunk_count, m->all_ns[0],
+           m->all_ns[1], U(0)); // no attachments, no metadata, no counts of channels
     put(m, &out, m->chunks.at, m->chunks.count);
     record(m, &out, FOOTER, "884", summary, U(0), U(0)); // no offsets in the summary, no checksum
     put(m, &out, MAGIC, 8);

@@ -3,10 +3,10 @@
 // Writer of an MCAP file: messages with their times and with the schema that describes them, for Foxglove and every
 // other reader of MCAP. The messages are JSON, and the file is indexed. Its topics are
 //
-//     /tf           foxglove.FrameTransform  pose of each tool, every tick: frame NAME in the frame world
-//     /object       foxglove.SceneUpdate     surface of the object, shapes of the tools (sent when a hand takes the
-//                                            tool) and an arrow of 1 cm per newton for the force on each tool
-//     /NAME/force   knead.Force              forces of the probe NAME, every tick: the values of knead replay --csv
+//     /tf           foxglove.FrameTransform  pose of each tool, every tick: frame NAME in the frame World
+//     /scene        foxglove.SceneUpdate     every moment: surfaces of the object and of the tools, and for the force
+//                                            on each tool an arrow, whose shaft is 1 cm long per newton
+//     /NAME/force   knead.Force              position and forces of the tool NAME, every tick
 #include "clients/picture/object_still.h"
 #include "clients/picture/paraview.h"
 #include "server/log_replay.h"

@@ -19,7 +19,7 @@ static inline void kn_cross(const double a[3], const double b[3], double out[3])
 
 // --- orientations ---------------------------------------------------------------------------------------------------
 
-// Normalise a quaternion. If all components are 0, the result is identity.
+// Normalise a quaternion. If it is shorter than 0.5, for example 0, the result is identity.
 static inline void kn_turn_unit(const double q[4], double out[4])
 {
     double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);

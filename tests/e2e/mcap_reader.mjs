@@ -20,7 +20,7 @@ function misfit(value, schema, at = '') {
     }
     if (schema.type !== 'object') return typeof value === schema.type ? null : at;
     for (const [name, type] of Object.entries(schema.properties)) {
-        if (!(name in Object(value))) { if (at.includes('deletions')) continue; return `${at}.${name} (missing)`; }
+        if (!(name in Object(value))) return `${at}.${name} (missing)`;
         const bad = misfit(value[name], type, `${at}.${name}`);
         if (bad) return bad;
     }
@@ -41,26 +41,28 @@ const channels = new Map(), schemas = new Map(), counts = {}, misfits = [], forc
 const text = new TextDecoder();
 for (const [id, schema] of reader.schemasById) schemas.set(id, JSON.parse(text.decode(schema.data)));
 for (const [id, channel] of reader.channelsById) channels.set(id, channel);
-let last = 0n, backwards = 0, gaps = 0;
+let last = 0n, backwards = 0, gaps = 0, stamps = 0;
 for await (const m of reader.readMessages()) {
     const { topic, schemaId, messageEncoding } = channels.get(m.channelId), value = JSON.parse(text.decode(m.data));
     const bad = messageEncoding === 'json' ? misfit(value, schemas.get(schemaId)) : messageEncoding;
     if (bad) misfits.push([topic, bad]);
-    if (BigInt(value.timestamp?.sec ?? 0) * 1000000000n + BigInt(value.timestamp?.nsec ?? 0) !== m.logTime && value.timestamp) backwards++;
+    const { sec, nsec } = value.timestamp ?? value.entities[0].timestamp;
+    stamps += BigInt(sec) * 1000000000n + BigInt(nsec) === m.logTime;
     backwards += m.logTime < last;
     last = m.logTime;
     gaps += m.sequence !== (counts[topic] ?? 0);
     counts[topic] = (counts[topic] ?? 0) + 1;
     if (topic.endsWith('/force')) forces.push({ at: m.logTime, ...value });
     if (topic === '/tf') places.push(value);
-    if (topic === '/object') updates.push(value);
+    if (topic === '/scene') updates.push(value);
 }
-check('the reader knows every topic', [...channels.values()].map((c) => c.topic).join() === '/tf,/object,/plate/force,/finger/force',
+check('the reader knows every topic', [...channels.values()].map((c) => c.topic).join() === '/tf,/scene,/plate/force,/finger/force',
     [...channels.values()].map((c) => c.topic));
 check('every message fits its schema', misfits.length === 0, misfits.slice(0, 3));
 check('the messages are in the order of their times and numbers', backwards === 0 && gaps === 0, backwards, gaps);
 const all = Object.values(counts).reduce((a, b) => a + b);
 check('the statistics count the messages', Number(reader.statistics.messageCount) === all, counts);
+check('every message has its time inside, too', stamps === all, stamps, all);
 
 const [head, ...rows] = (await readFile(table, 'utf8')).trim().split('\n').map((line) => line.split(','));
 const column = (name) => head.indexOf(name);
@@ -82,16 +84,23 @@ check('the times are those of the table', rows.every((row, i) =>
 
 const entity = (update, id) => update.entities.find((e) => e.id === id);
 check(`there is a scene update for each of the ${moments} moments`, updates.length === Number(moments), updates.length);
-const skins = updates.map((u) => entity(u, '/object').triangles[0].points), last_skin = skins.at(-1);
+const skins = updates.map((u) => entity(u, 'World').triangles[0].points), last_skin = skins.at(-1);
 const moved = Math.max(...skins[0].map((p, i) => Math.hypot(p.x - last_skin[i].x, p.y - last_skin[i].y, p.z - last_skin[i].z)));
 check(`the surface moves by ${(1e3 * moved).toFixed(2)} mm`, moved >= 1e-3 * atLeast, atLeast);
 const inside = ({ triangles: [t] }) => t.indices.length % 3 === 0 && t.indices.every((i) => i >= 0 && i < t.points.length);
 check('every corner of a triangle is a point', updates.every((u) => u.entities.every(inside)));
-const tools = updates.flatMap((u) => u.entities.filter((e) => e.frame_id === 'plate'));
-check('the shape of the tool is sent once, in its own frame', tools.length === 1 && tools[0].triangles[0].points.length > 8, tools.length);
-const arrows = updates.flatMap((u) => entity(u, '/object').arrows), longest = Math.max(...arrows.map((a) => a.shaft_length));
-check(`an arrow of 1 cm per newton shows the force: ${longest.toFixed(3)} m`, forces.some(({ contact_force_n: f }) =>
-    Math.abs(0.01 * Math.hypot(f.x, f.y, f.z) - longest) < 1e-9));
+check('every moment has the shape of the tool, in its own frame',
+    updates.every((u) => entity(u, 'plate').frame_id === 'plate' && entity(u, 'plate').triangles[0].points.length > 8));
+// An arrow points along x in its own frame: turn x by its orientation, and compare it with the force of its tick.
+let arrows = 0, off = 0;
+for (const { entities: [{ timestamp }], entities } of updates)
+    for (const { pose: { orientation: q }, shaft_length } of entities.find((e) => e.id === 'World').arrows) {
+        const { contact_force_n: f } = forces.find(({ timestamp: t }) => t.sec === timestamp.sec && t.nsec === timestamp.nsec);
+        const drawn = [1 - 2 * (q.y * q.y + q.z * q.z), 2 * (q.x * q.y + q.w * q.z), 2 * (q.x * q.z - q.w * q.y)];
+        off = Math.max(off, Math.hypot(...['x', 'y', 'z'].map((k, i) => 100 * shaft_length * drawn[i] - f[k])) / Math.hypot(f.x, f.y, f.z));
+        arrows++;
+    }
+check(`the ${arrows} arrows are the forces: ${off.toExponential(1)}`, arrows >= atLeast && off < 1e-6);
 
 // A reader that knows no index reads the same messages.
 const stream = new McapStreamReader({ validateCrcs: true });

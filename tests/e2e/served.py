@@ -125,6 +125,9 @@ class Bus(threading.Thread):
     def dent_mm(self):  # largest depth of a vertex below its place at rest
         return 1e3 * max(rest - now for rest, now in zip(self.rest, self.now)) if self.now else 0
 
+    def dented(self, mm=0.5):  # number of vertices at least that far below their place at rest
+        return sum(1e3 * (rest - now) > mm for rest, now in zip(self.rest, self.now)) if self.now else 0
+
 
 class Browser:
     """Headless Chromium on one page, driven by real pointer, touch and key events."""

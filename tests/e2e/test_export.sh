@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# knead export: a press as VTK, PLY, CSV and MCAP files, read back by VTK's own readers, and at night, where npm is, by that
-# of MCAP's authors; scenes at rest; and all possible errors, which leave no files behind.
+# knead export: a press as VTK, PLY, CSV and MCAP files; scenes at rest; and all possible errors, which leave no files
+# behind. VTK's own readers read the files back, and where npm is, the reader of MCAP's authors reads the messages.
 . "$KN_SOURCE/tests/e2e/kneadd.sh"
 /usr/bin/python3 -c 'import vtk' 2>/dev/null || { echo "skipped: no VTK here (package python3-vtk9)"; exit 77; }
 exported() { /usr/bin/python3 "$KN_SOURCE/tests/e2e/exported.py" "$@" || failed=1; }
@@ -35,7 +35,7 @@ if [ -d "$KN_BUILD/../mcap/node_modules" ]; then
     node mcap_reader.mjs press.mcap press.csv "$(ls press | grep -c ^object_)" 2 || failed=1
     node mcap_reader.mjs part.mcap part.csv 3 0 || failed=1
 else
-    echo "     the messages are not read: tests/run --all found no npm"
+    echo "     the reader of MCAP's authors has not read it: build/mcap is missing, which tests/run makes with npm"
 fi
 
 at=$(grep -o 'timestep="[0-9.]*"' press/object.pvd | tail -1 | tr -dc 0-9.)
@@ -141,6 +141,9 @@ check "the export reports the damage: $(cat err)" grep -q "only the log before t
 (ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --vtk full --csv full.csv --mcap full.mcap) >out 2>err
 got=$?
 check "a full disk is reported in one line ($(cat err))" eval '[ $got = 3 ] && [ $(wc -l <err) = 1 ]'
+(ulimit -f 200 && trap '' XFSZ && knead export press.lcmlog --mcap full.mcap) >out 2>err
+got=$?
+check "so is one that the messages fill ($(cat err))" eval '[ $got = 3 ] && grep -q full.mcap err && [ $(wc -l <err) = 1 ]'
 check "a full disk leaves no partial files" [ -z "$(ls -A | grep full)" ]
 knead export press.lcmlog --vtk stopped --every 0.001 >out 2>err &
 exporter=$!

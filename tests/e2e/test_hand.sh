@@ -10,7 +10,7 @@ check "the example needs only the one header" [ "$(grep '#include "' "$example")
 check "the mesh header has at most 100 lines" [ "$(wc -l <"$KN_SOURCE/clients/knead_mesh.h")" -le 100 ]
 
 # Run the command of its head from the top of the tree, into a scratch folder instead of build.
-sed -n 's,^//     cc ,cc ,p' "$example" | sed "s|build/hand|$PWD/hand|" >build.sh
+sed -n 's,^//     cc ,cc ,p' "$example" | sed "s|build/my_hand|$PWD/hand|" >build.sh
 check "the comment at the top of the example holds one command" [ "$(wc -l <build.sh)" = 1 ]
 check "the command builds the example" sh -c "cd '$KN_SOURCE' && sh -e '$PWD/build.sh'"
 

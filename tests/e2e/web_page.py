@@ -33,8 +33,9 @@ return [...document.querySelectorAll('body *')]
 def begun(page, begin, end):  # press until the force rises; press again if a watchdog that a stall tripped bars the press
     for _ in range(4):
         begin()
-        if until(lambda: page.now()["force_n"] > 0.5 or "press again" in page.now()["status"]) and page.now()["force_n"] > 0.5:
-            return True
+        until(lambda: page.now()["force_n"] > 0.5 or "press again" in page.now()["status"])
+        if "press again" not in page.now()["status"]:
+            return page.now()["force_n"] > 0.5
         end()
         until(lambda: page.now()["status"].startswith("ready"))
     return False
@@ -143,13 +144,13 @@ def lose_webgl(page, bus):  # the browser takes WebGL away during a press; retur
     begun(page, lambda: page.press(*TOP), page.release)
     frames = page.run("scene.gl.getExtension('WEBGL_lose_context').loseContext(); return knead.frames")
     forces, states = [bus.force_n], [page.now()]
-    drawn = until(lambda: page.run("return knead.frames") > frames, 2)
+    drawn = until(lambda: forces.append(bus.force_n) or page.run("return knead.frames") > frames, 2)
     for _ in range(30):
         time.sleep(0.05)
         forces.append(bus.force_n), states.append(page.now())
     page.release()
     back = until(lambda: page.run("return scene !== null && scene.ready()"))
-    # A watchdog that the machine's stall has tripped ends a press, too, and is told. A page that ends it tells no fault.
+    # The page reports a press that a watchdog has ended. A press that the page itself ends has no report.
     stalled = any(now["level"] == "fault" or "poses were late" in now["status"] for now in states)
     return drawn, min(forces) > 0, back, stalled, forces
 
