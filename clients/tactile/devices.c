@@ -169,7 +169,7 @@ static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck
         set(f->use, "knead hand spacenav");
     } else {
         set(f->missing, "no driver for %s", known->name);
-        set(f->fix, "extend clients/examples/hand.c with the maker's library; set `device: %s` in the scene",
+        set(f->fix, "extend clients/examples/touch.c with the maker's library; set `device: %s` in the scene",
             known->profile);
     }
     return true;

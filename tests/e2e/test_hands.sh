@@ -6,6 +6,8 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
 examples=$KN_SOURCE/clients/examples
 export PYTHONPATH=$KN_BUILD/python
+check "the mesh header has at most 100 lines" [ "$(wc -l <"$KN_SOURCE/clients/knead_mesh.h")" -le 100 ]
+check "the example in C marks three places to replace" [ "$(grep -c '// ([123])' "$examples/touch.c")" = 3 ]
 cc -Wall -Wextra -Wconversion -Werror -I "$KN_SOURCE/clients" -o touch_c "$examples/touch.c" -lm
 c++ -x c++ -Wall -Wextra -Wconversion -Werror -I "$KN_SOURCE/clients" -o touch_cpp "$examples/touch.c" -lm
 feels() { awk '$1 == "z" && $5 > 0.5 { n++ } END { exit n == 0 }' "$1"; } # the dough keeps the first hand's dent

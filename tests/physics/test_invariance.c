@@ -119,7 +119,8 @@ static kn_model_def free_body(kn_model_def def)
 
 TEST("internal forces sum to zero: a free block, also with gas, and a free mesh keep both momenta to 1e-6 in 200 steps")
 {
-    for (int i = 0; i < 5; i++) { // a block; with gas in each cell; with one pressure; a mesh; a block in steps of 10 ms
+    // a block; with gas in each cell; with one pressure; a mesh; a block in steps of 10 ms
+    for (int i = 0; i < 5; i++) {
         OWN(kn_simplices) *mesh = i == 3 ? bcc_block((const int[3]){5, 5, 3}, 0.01) : NULL;
         kn_model_def def = free_body(press_def(1));
         def.mesh = mesh;
