@@ -1,4 +1,4 @@
-// What a learner pays for a step of 10 ms, and what it gets (bench/README.md).
+// The cost and the error of a learner's steps of 10 ms (bench/README.md).
 //
 //     bench_learner [--fine | --batch] [--states N]
 //

@@ -1,4 +1,4 @@
-// What a program may give to libknead: nothing makes it abort, and a refusal has a sentence.
+// Nothing that a program gives to libknead makes it abort, and each refusal has a sentence.
 #include "core/step.h"
 #include "tests/lattice.h"
 

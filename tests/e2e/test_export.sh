@@ -35,7 +35,7 @@ if [ -d "$KN_BUILD/../mcap/node_modules" ]; then
     node mcap_reader.mjs press.mcap press.csv "$(ls press | grep -c ^object_)" 2 || failed=1
     node mcap_reader.mjs part.mcap part.csv 3 0 || failed=1
 else
-    echo "     the reader of MCAP's authors has not read it: build/mcap is missing, which tests/run makes with npm"
+    echo "     the reader of MCAP's authors has not read it: build/mcap is missing, which tests/run --yes makes with npm"
 fi
 
 at=$(grep -o 'timestep="[0-9.]*"' press/object.pvd | tail -1 | tr -dc 0-9.)

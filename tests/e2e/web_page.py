@@ -262,7 +262,7 @@ def ready(page):
 def dent(page, bus):  # press from the page; return the depth that remains
     page.hover(*TOP)
     until(lambda: page.now()["status"].startswith("ready"))
-    page.press(*TOP)
+    begun(page, lambda: page.press(*TOP), page.release)
     until(lambda: page.now()["depth_mm"] > 4.7)
     page.release()
     until(lambda: page.now()["force_n"] == 0 and not page.now()["contact"])
@@ -274,7 +274,7 @@ def by_traces(page):
     page.run("document.getElementById('touch-box').open = true")
     ready(page)
     until(lambda: page.now()["status"].startswith("ready"))
-    page.press(*TOP)
+    begun(page, lambda: page.press(*TOP), page.release)
     check("the page describes the contact of the tool", until(lambda: "kPa at most" in page.text("touch-words")),
           page.text("touch-words"))
     until(lambda: page.now()["depth_mm"] > 4.7)
@@ -313,8 +313,7 @@ def by_operator(page, bus):
           bus.dent_mm(), page.text("said"))
     page.hover(*TOP)
     until(lambda: page.now()["status"].startswith("ready"))
-    page.press(*TOP)
-    until(lambda: page.now()["force_n"] > 0.5)
+    begun(page, lambda: page.press(*TOP), page.release)
     click(page, "estop")
     check("emergency stop in a press: the force is zero and the page says so",
           said(page, "Stopped") and until(lambda: bus.force_n == 0), bus.force_n, page.text("said"))
