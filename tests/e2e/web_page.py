@@ -82,8 +82,8 @@ def by_mouse(page, bus):
 
 
 def stroke(page, bus, dented):  # a stroke, and the other actions of the mouse
-    page.press(*TOP)
-    until(lambda: page.now()["depth_mm"] > 4.7)
+    begun(page, lambda: page.press(*TOP), page.release)
+    until(lambda: page.now()["depth_mm"] > 4.95)  # at rest
     wide = bus.dented()
     for i in range(8):
         page.mouse("Moved", page.x + 10, page.y)
