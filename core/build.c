@@ -1,6 +1,7 @@
 // Assembly of a model: check its definition, then build the lattice, the kernels, the tools and the tables of the
 // chosen solver. Assembly of a state: one block of memory with the fields and the memory of that solver.
 #include "core/algebra/bytes.h"
+#include "core/solve/coarse.h"
 #include "core/solve/contact.h"
 #include "core/solve/kernel.h"
 #include "core/lattice/lattice.h"
@@ -259,6 +260,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     kn_law_build(&m->law, &def->material, rk4 ? 0 : def->solver.dt_s, def->solver.precision == KN_PRECISION_F64);
     if (!kn_kernels_choose(m))
         return fail(error, size, "this processor lacks the instruction set that solver.isa asks for");
+    if (!kn_coarse_plan(m)) return fail(error, size, KN_NO_MEMORY);
     // build the nodes of a mesh, of a block of two resolutions, or of a plain block
     const char *wrong;
     m->top_area_m2 = def->mesh ? 0 : block_top(def);
@@ -272,6 +274,7 @@ static bool build(kn_model *m, const kn_model_def *def, char *error, size_t size
     if (!wrong && def->solver.kind == KN_SOLVER_FIXED)
         wrong = kn_lattice_edges(m) && kn_lattice_cells(m) ? kn_fixed_build(m, text, sizeof text) : KN_NO_MEMORY;
     else if (!wrong && (rk4 ? !build_rk4(m) : !build_tables(m))) wrong = KN_NO_MEMORY;
+    if (!wrong && !kn_coarse_build(m)) wrong = KN_NO_MEMORY;
     if (wrong) return fail(error, size, wrong);
     if (!check_flattest(m, error, size)) return false;
     // refuse a Runge-Kutta step beyond its stability limit, and name the mass scale that would make this step stable
@@ -307,6 +310,7 @@ void kn_model_destroy(kn_model *model)
 {
     if (!model) return;
     kn_composite_destroy(model->composite);
+    kn_coarse_destroy(model->coarse);
     free(model->tables);
     free(model->offset);
     free(model->rest_m);
@@ -349,6 +353,7 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     w->whole = m->composite ? kn_arena_take(a, kn_state_field(m, 6)) : NULL;
     w->cell = NULL;
     if (m->def.pressure != KN_PRESSURE_NONE) w->cell = kn_arena_take(a, cell_reals(m) * kn_model_real(m));
+    w->coarse = m->coarse ? kn_arena_take(a, kn_coarse_reals(m) * kn_model_real(m)) : NULL;
     // then the flags of the rows, and the arrays of the rigid motions and of the held nodes
     w->row_held = kn_arena_take(a, (size_t)m->row_count);
     w->row_moved = kn_arena_take(a, (size_t)m->row_count);

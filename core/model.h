@@ -149,12 +149,14 @@ typedef struct kn_face { // one flat side of the block as a grid of nodes, for c
 
 struct kn_kernels; // hot loops for one lattice, precision and instruction set (core/solve/kernel.h)
 struct kn_composite;
+struct kn_coarse;
 struct kn_shape;
 
 typedef struct kn_model {
     kn_model_def def;
     kn_grid grid;                   // grid of a block; for a composite, the grid as if the whole block were fine
     struct kn_composite *composite; // NULL if the model is not a composite
+    struct kn_coarse *coarse;       // coarse level of the preconditioner (core/solve/coarse.h); NULL: none
     kn_law law;
     // The lattice. A field with C components per node has the layout [row_count][C][stride].
     int node_count;

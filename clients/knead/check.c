@@ -9,6 +9,7 @@
 #include "core/lattice/lattice.h"
 #include "core/scene/scene.h"
 #include "core/shape.h"
+#include "core/solve/coarse.h"
 #include "core/solve/kernel.h"
 #include "core/solve/step_effort.h"
 #include "core/solve/tool.h"
@@ -204,7 +205,8 @@ static size_t model_bytes(const kn_model *model)
 {
     size_t bytes =
         sizeof *model + (size_t)model->node_count * sizeof(double) + (size_t)model->edge_count * sizeof(kn_edge);
-    return bytes + (model->tables ? model->kernels->tables_size(model) : 0) + kn_composite_bytes(model);
+    return bytes + (model->tables ? model->kernels->tables_size(model) : 0) + kn_composite_bytes(model) +
+           kn_coarse_bytes(model);
 }
 
 // Print the predicted computing time of a tick, first for each part of the scene and then in total.

@@ -148,6 +148,11 @@ static bool make_parts(kn_model *m, kn_composite *c)
         kn_grid_lay(g, widest(g, vectors), vectors);
         c->node_first[p + 1] = c->node_first[p] + g->nodes;
         c->row_first[p + 1] = c->row_first[p] + g->rows;
+        if (m->coarse) {
+            c->part[p].coarse = &c->part_coarse[p];
+            c->part_coarse[p] = *m->coarse;
+            for (int k = 0; k < 3; k++) c->part_coarse[p].first_m[k] -= c->corner[p][k] * m->def.spacing_m;
+        }
         void *tables = kn_tables_create(&c->part[p], c->inside);
         if (!tables) return false;
         c->part[p].tables = tables;
@@ -407,6 +412,7 @@ static kn_work work_of(const kn_model *m, const kn_work *w, int part)
         .whole = rows_from(m, w->whole, 6, row),
         .g = rows_from(m, w->g, kn_work_edge(m) * KN_FORWARD, row),
         .free = rows_from(m, w->free, 3, row),
+        .coarse = w->coarse,
         .row_held = w->row_held + row,
         .row_moved = w->row_moved + row,
     };
@@ -484,6 +490,25 @@ static double update(const kn_model *m, const kn_work *w, double alpha)
     return rz;
 }
 
+static void restriction(const kn_model *m, const kn_work *w)
+{
+    const kn_composite *c = m->composite;
+    for (int p = 0; p < c->part_count; p++) {
+        const kn_work work = work_of(m, w, p);
+        c->inside->restriction(&c->part[p], &work);
+    }
+}
+
+// Tied nodes are not free, so they get 0 here; `apply` copies their masters' values.
+static void prolongation(const kn_model *m, const kn_work *w)
+{
+    const kn_composite *c = m->composite;
+    for (int p = 0; p < c->part_count; p++) {
+        const kn_work work = work_of(m, w, p);
+        c->inside->prolongation(&c->part[p], &work);
+    }
+}
+
 static void integrate(const kn_model *m, kn_state *state, const kn_work *w)
 {
     const kn_composite *c = m->composite;
@@ -508,6 +533,9 @@ static void composite_kernels(kn_model *m)
                               .recall = recall,
                               .apply = apply,
                               .update = update,
+                              .restriction = restriction,
+                              .coarse_solve = c->inside->coarse_solve,
+                              .prolongation = prolongation,
                               .integrate = integrate};
     m->kernels = &c->kernels;
 }

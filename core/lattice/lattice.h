@@ -92,8 +92,9 @@ typedef struct kn_composite {
     // [part_count] a regular block for each part, with its grid, law and tables. A part has no arrays of nodes; the
     // arrays of the whole model hold the nodes of all parts.
     struct kn_model *part;
-    int corner[KN_COMPOSITE_PARTS][3]; // first corner of each part, in fine cells
-    int coarse[KN_COMPOSITE_PARTS];    // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere
+    kn_coarse part_coarse[KN_COMPOSITE_PARTS]; // coarse level of the model, with its places seen from each part
+    int corner[KN_COMPOSITE_PARTS][3];         // first corner of each part, in fine cells
+    int coarse[KN_COMPOSITE_PARTS]; // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere
     // index of the first node and of the first row of each part; a last entry holds the total number
     int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
     // ties of all parts, sorted by the part of the tied node; the masters of a tie are in earlier parts

@@ -15,6 +15,16 @@
 // holds the node. So the contact force needs no extra work.
 #include "core/state.h"
 
+// Coarse level of the preconditioner: a box grid of coarse nodes over the undeformed object, see coarse.h.
+typedef struct kn_coarse {
+    int nodes[3];      // number of coarse nodes along x, y, z
+    double first_m[3]; // place of the first coarse node, from the first node of the block [m]
+    double cell_m[3];  // distance of coarse nodes; 0 along an axis with one node
+    int unknowns;      // three velocities per coarse node
+    int padded;        // `unknowns`, rounded up to whole vectors
+    void *inverse;     // [unknowns][padded] inverse of Ac in the model's precision, padded with 0
+} kn_coarse;
+
 // Solver vectors of a step, part of the scratch, in the model's precision. Before a call of the kernel `edge`, r and P
 // must be zero or contain only contact terms. Before a call of the kernel `apply`, q must be zero.
 typedef struct kn_work {
@@ -34,6 +44,8 @@ typedef struct kn_work {
     // With one gas pressure for the whole object: the same expression with dV/dx of every node, 3 reals per node.
     // Without gas: NULL.
     void *cell;
+    // Coarse level (coarse.h): residual and solution of the coarse nodes, and sums of the transfers; NULL without one.
+    void *coarse;
     // one flag per row; 1: at least one component of the row's nodes is prescribed
     uint8_t *row_held;
     // one flag per row; 1: a prescribed velocity in the row differs from that of the last step, so the law is evaluated
@@ -51,6 +63,10 @@ typedef struct kn_kernels {
     double (*recall)(const kn_model *model, const kn_state *state, const kn_work *work);
     double (*apply)(const kn_model *model, const kn_state *state, const kn_work *work, double beta);
     double (*update)(const kn_model *model, const kn_work *work, double alpha);
+    // the three parts of z += T Ac^-1 T' r (coarse.h); coarse_solve returns the increase of r.z
+    void (*restriction)(const kn_model *model, const kn_work *work);
+    double (*coarse_solve)(const kn_model *model, const kn_work *work);
+    void (*prolongation)(const kn_model *model, const kn_work *work);
     void (*integrate)(const kn_model *model, kn_state *state, const kn_work *work);
 } kn_kernels;
 

@@ -31,12 +31,19 @@ typedef struct tables {
     int cell_count;
     real cell_inverse_h, cell_push, cell_rate, cell_root;
     int cell_axis[3], cell_to[4];
+    // Coarse level: places of rows and planes, counted in coarse nodes; weights of the coarse nodes at every lane of a
+    // row, lane_up [coarse nodes][K][16], and of every node of a row, lane_down [nodes][16]
+    real *row_place, *plane_place, *lane_up, *lane_down;
 } tables;
 
 static size_t tables_size(const kn_model *model)
 {
     size_t stride = kn_grid_stride(&model->grid);
     size_t reals = 11 * stride + 2 * (size_t)(model->grid.len[1] + model->grid.len[2]);
+    if (model->coarse) {
+        const size_t along = (size_t)model->coarse->nodes[model->grid.axis[0]];
+        reals += (along + KN_LANES) * stride + (size_t)(model->grid.len[1] + model->grid.len[2]);
+    }
     return (sizeof(tables) + 63) / 64 * 64 + reals * sizeof(real) + 64;
 }
 
@@ -97,6 +104,44 @@ static void build_rows(tables *t, const kn_grid *g, real **next)
     }
 }
 
+// Return the place of node i along a grid axis, counted in coarse nodes from the first one.
+static double coarse_place(const kn_model *model, int axis, int i)
+{
+    const kn_coarse *coarse = model->coarse;
+    const int k = model->grid.axis[axis];
+    const double most = coarse->nodes[k] - 1;
+    return most > 0 ? fmin(most, fmax(0, (i * model->grid.spacing_m - coarse->first_m[k]) / coarse->cell_m[k])) : 0;
+}
+
+static void build_coarse_lanes(tables *t, const kn_model *model, real **next)
+{
+    const kn_grid *g = &model->grid;
+    if (!model->coarse) return;
+    const int nodes = model->coarse->nodes[g->axis[0]];
+    t->lane_up = take(next, (size_t)nodes * kn_grid_stride(g));
+    t->lane_down = take(next, KN_LANES * kn_grid_stride(g));
+    for (int a = 0; a < g->len[0]; a++) {
+        // node a of the row is in lane l of vector k
+        const int k = a % g->vectors, l = a / g->vectors;
+        const double place = coarse_place(model, 0, a);
+        for (int i = 0; i < nodes; i++) {
+            const double weight = fmax(0, 1 - fabs(place - i));
+            t->lane_up[(i * g->vectors + k) * KN_LANES + l] = (real)weight;
+            t->lane_down[a * KN_LANES + i] = (real)weight;
+        }
+    }
+}
+
+static void build_coarse_rows(tables *t, const kn_model *model, real **next)
+{
+    const kn_grid *g = &model->grid;
+    if (!model->coarse) return;
+    t->row_place = take(next, (size_t)g->len[1]);
+    t->plane_place = take(next, (size_t)g->len[2]);
+    for (int b = 0; b < g->len[1]; b++) t->row_place[b] = (real)coarse_place(model, 1, b);
+    for (int c = 0; c < g->len[2]; c++) t->plane_place[c] = (real)coarse_place(model, 2, c);
+}
+
 static void build_cells(tables *t, const kn_model *model); // kernel_cells.h
 
 static void tables_build(const kn_model *model, void *block)
@@ -107,7 +152,9 @@ static void tables_build(const kn_model *model, void *block)
     real *next = (real *)((char *)block + (sizeof(tables) + 63) / 64 * 64);
     law_tables_build(&t->law, model);
     build_lanes(t, g, &next);
+    build_coarse_lanes(t, model, &next);
     build_rows(t, g, &next);
+    build_coarse_rows(t, model, &next);
     // for each forward edge: rest vector, factor to strain rate, factor to force
     for (int e = 0; e < KN_FORWARD; e++) {
         const int *step = kn_grid_forward[e];
@@ -596,6 +643,8 @@ static double update(const kn_model *model, const kn_work *work, double alpha)
     return K == 1 ? update_rows(model, work, alpha, 1) : update_rows(model, work, alpha, K);
 }
 
+#include "core/solve/kernel_coarse.h"
+
 // Advance displacements, velocities and the last change of velocity.
 static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
 {
@@ -619,5 +668,8 @@ const kn_kernels KN_KERNELS(grid) = {
     .recall = recall,
     .apply = apply,
     .update = update,
+    .restriction = restriction,
+    .coarse_solve = coarse_solve,
+    .prolongation = prolongation,
     .integrate = integrate,
 };

@@ -185,6 +185,17 @@ static double rigid_add(const kn_model *model, kn_scratch *scratch)
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
+// Add the coarse level to work.z, which is P r. Return the increase of r.z.
+static double coarse_add(const kn_model *m, kn_scratch *s)
+{
+    if (!m->coarse) return 0;
+    memset(s->work.coarse, 0, (size_t)m->coarse->padded * kn_model_real(m));
+    m->kernels->restriction(m, &s->work);
+    const double more = m->kernels->coarse_solve(m, &s->work);
+    m->kernels->prolongation(m, &s->work);
+    return more;
+}
+
 // Return a limit for the powers r.z and d.q, W. Below this limit, their f32 terms begin to underflow, and a quotient of
 // two such powers is meaningless.
 static double least_w(const kn_model *m) { return kn_model_single(m) ? 1e-28 : 0; }
@@ -210,7 +221,7 @@ static double note_start(const kn_model *m, kn_state *state, double rz)
     return fmin(fmax(rz, REST * REST * state->residual_scale), state->residual_scale);
 }
 
-// Update guess and residual, and apply both levels of the preconditioner. Return r.z.
+// Update guess and residual, and apply the preconditioner except for its coarse level. Return r.z.
 static double update(const kn_model *m, kn_scratch *s, double alpha)
 {
     double rz = m->kernels->update(m, &s->work, alpha);
@@ -231,7 +242,7 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
     // all thresholds are in r.z, which is a squared norm
     double enough = solver->tolerance * solver->tolerance * state->residual_scale;
     double nothing = nothing_of(m, state);
-    double beta = 0;
+    double last = 0; // r.z of the last iteration, with all levels of the preconditioner
     if (s->deadline.hurried && enough > 0) enough = fmax(enough, HURRIED * HURRIED * rz), wanted = 0;
     for (int i = 0; output->iterations < solver->iterations_max; i++, output->iterations++) {
         // stop if the tolerance is met, if the object is at rest, or if rz is NaN
@@ -242,17 +253,17 @@ static double iterate(const kn_model *m, kn_state *state, kn_scratch *s, double 
             output->capped = true;
             return rz;
         }
-        // q = A d, where d is the next search direction
+        // d: next search direction, conjugate to the last one; q = A d
+        const double all = rz + coarse_add(m, s), beta = last > 0 ? all / last : 0;
         double dq = m->kernels->apply(m, state, &s->work, beta) + kn_foundation_apply(m, s);
         if (!(dq > 0)) { // no minimum along d: leave nothing of this direction to the next step
             memset(s->work.d, 0, kn_state_field(m, 3));
             memset(s->work.q, 0, kn_state_field(m, 3));
             return rz;
         }
-        // step to the minimum along d, then choose beta so that the next direction is conjugate to d
-        double next = update(m, s, rz / dq);
-        beta = next / rz;
-        rz = next;
+        // step to the minimum along d
+        rz = update(m, s, all / dq);
+        last = all;
     }
     // iterations_max was reached
     output->capped = solver->tolerance > 0 && rz > enough;

@@ -174,7 +174,7 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, kn_work *work
 
 // --- deadline -------------------------------------------------------------------------------------------------------
 
-// Prices: estimated units of work for each part of a step. A price is per lane of a block (LANE, GAS, RIGID), per edge
+// Prices: estimated units of work for each part of a step. A price is per lane of a block (LANE, GAS, RIGID, COARSE), per edge
 // of a net (EDGE, GAS), per tied node (TIE), per sample (SAMPLE) or per held node (HOLD). LINE is one linearisation of
 // the law, ITERATION one iteration. The prices are nanoseconds on a Sapphire Rapids in f32, fitted to the ticks of
 // bench_strike. If a price is too small, steps with much of this part take longer than estimated. If a price is too
@@ -191,6 +191,8 @@ enum {
     TIE_ITERATION = 15, // per tied node and per iteration
     RIGID_LINE = 30,
     RIGID_ITERATION = 12,
+    COARSE_ITERATION = 1,
+    COARSE_UNIT = 16,   // elements of the inverse coarse matrix that are multiplied in one unit of work
     NEWTON_LINE = 1700, // per lane and per linearisation, if Newton's method solves the law edge by edge
     LAW = 4,            // without Newton's method, evaluating the law takes 1/LAW of the time of a linearisation
     F64_TIMES = 2,
@@ -221,6 +223,8 @@ static kn_deadline of_lattice(const kn_model *m, bool held)
     if (m->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&m->law)))
         d.line += lanes * NEWTON_LINE, d.law += lanes * NEWTON_LINE;
     if (m->composite) d.line += kn_composite_tied(m) * TIE_LINE, d.iteration += kn_composite_tied(m) * TIE_ITERATION;
+    if (m->coarse)
+        d.iteration += lanes * COARSE_ITERATION + m->coarse->unknowns * (int64_t)m->coarse->padded / COARSE_UNIT;
     if (kn_rigid_wanted(m) && !held) d.line += lanes * RIGID_LINE, d.iteration += lanes * RIGID_ITERATION;
     return d;
 }

@@ -2,7 +2,7 @@
 # What programs see of libknead stays as it is: core/libknead.abi lists all functions, tables, enums and struct layouts of
 # the public headers. A change that is wanted changes that list, and MINOR of the project's version (the soname) with it:
 #
-#     clients/python/declare.py abi . >core/libknead.abi
+#     python3 clients/python/declare.py abi . >core/libknead.abi
 set -u
 fail=0
 verdict() { # verdict CODE OK FAIL: say one of the two
