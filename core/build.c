@@ -313,6 +313,7 @@ void kn_model_destroy(kn_model *model)
     kn_coarse_destroy(model->coarse);
     free(model->tables);
     free(model->offset);
+    free(model->row_turns);
     free(model->rest_m);
     free(model->node_mass_kg);
     free(model->support);
@@ -335,7 +336,7 @@ void kn_model_destroy(kn_model *model)
 static size_t cell_reals(const kn_model *m)
 {
     if (m->def.pressure == KN_PRESSURE_OBJECT) return kn_model_field(m, 3);
-    return m->def.mesh ? 12 * (size_t)m->cell_count : kn_model_field(m, m->grid.flat ? 8 : 24);
+    return m->def.mesh ? 16 * kn_work_cells(m) : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
 // Divide the scratch memory among the arrays of the implicit solver.
@@ -349,7 +350,8 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     } list[] = {{&w->guess, 3}, {&w->r, 3}, {&w->q, 3}, {&w->d, 3}, {&w->z, 3}, {&w->p, 6}, {&w->free, 3}};
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++)
         *list[i].field = kn_arena_take(a, kn_state_field(m, list[i].components));
-    w->g = kn_arena_take(a, (size_t)kn_work_edge(m) * m->edge_reals * kn_model_real(m));
+    w->g = kn_arena_take(a, m->product_reals * kn_model_real(m));
+    w->records = m->def.mesh ? kn_arena_take(a, kn_work_records(m) * kn_model_real(m)) : NULL;
     w->whole = m->composite ? kn_arena_take(a, kn_state_field(m, 6)) : NULL;
     w->cell = NULL;
     if (m->def.pressure != KN_PRESSURE_NONE) w->cell = kn_arena_take(a, cell_reals(m) * kn_model_real(m));
@@ -449,7 +451,8 @@ static void reset_implicit(const kn_model *m, kn_scratch *s)
     memset(w->q, 0, kn_state_field(m, 3));
     memset(w->d, 0, kn_state_field(m, 3));
     // the field g has room for edges that the lattice does not have; the steps never write there, so clear g here
-    memset(w->g, 0, (size_t)kn_work_edge(m) * m->edge_reals * kn_model_real(m));
+    memset(w->g, 0, m->product_reals * kn_model_real(m));
+    if (w->records) memset(w->records, 0, kn_work_records(m) * kn_model_real(m));
     memset(s->row_base, 0, (size_t)m->row_count);
     memset(w->row_moved, 0, (size_t)m->row_count);
     s->last_held_count = 0;

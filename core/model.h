@@ -161,8 +161,10 @@ typedef struct kn_model {
     // The lattice. A field with C components per node has the layout [row_count][C][stride].
     int node_count;
     int row_count;
-    size_t stride;     // number of reals of one component in a row; 1 in a net, where each row is one node
-    size_t edge_reals; // number of reals in a field of one real per edge, padding included
+    size_t stride;        // number of reals of one component in a row; 16 in a net
+    size_t edge_reals;    // number of reals in a field of one real per edge, padding included
+    size_t product_reals; // number of reals of the vectors g of all edges (kn_work.g in core/solve/kernel.h)
+    int *row_turns;       // [row_count] net: largest number of edges at a node of the row; else NULL
     // [node_count] offset of a node's x component in a 3-component field. The y component is one stride further, the z
     // component two strides.
     size_t *offset;

@@ -15,10 +15,13 @@
 static const double once_ns[3][2] = {{1200, 2700}, {66, 150}, {34, 78}};
 static const double iteration_ns[3][2] = {{100, 190}, {7.2, 18}, {4.3, 11}};
 
-// Computing times of a mesh per edge, ns: per linearisation and per CG iteration. In an object with gas, an element
-// takes as much time as two edges.
-#define EDGE_NS 35.0
-#define EDGE_ITERATION_NS 5.0
+// The same times of a mesh. An element of gas takes element_ns and element_iteration_ns, with avx512 in f32.
+static const double mesh_once_ns[3][2] = {{600, 1200}, {45, 175}, {40, 120}};
+static const double mesh_iteration_ns[3][2] = {{350, 390}, {10.5, 24}, {9.5, 21}};
+static const double element_ns = 11, element_iteration_ns = 5;
+
+// Computing time of the coarse level per iteration, ns: per SIMD lane, and per element of its matrix, with avx512 in f32.
+static const double coarse_ns = 0.9, coarse_element_ns = 0.06;
 
 // Computing times per node whose motion is interpolated from other nodes, ns. Such nodes exist in a composite (a
 // lattice with two resolutions).
@@ -48,7 +51,9 @@ enum {
     NODE_ITERATION_REALS = 42,
     GAS_FLOPS = 420,
     GAS_ITERATION_FLOPS = 100,
-    GAS_REALS = 24
+    GAS_REALS = 24,
+    COARSE_FLOPS = 30,
+    COARSE_REALS = 9
 };
 
 bool kn_tick_cost_newton(const kn_model *model)
@@ -60,6 +65,12 @@ bool kn_tick_cost_newton(const kn_model *model)
 // Return the index of the model's instruction set in the tables once_ns and iteration_ns.
 static int isa_of(const kn_model *m) { return m->isa == KN_ISA_AVX512 ? 2 : m->isa == KN_ISA_AVX2 ? 1 : 0; }
 
+// Return how much slower than avx512 in f32 the kernels of the model are.
+static double slower_of(const kn_model *m)
+{
+    return once_ns[isa_of(m)][m->def.solver.precision == KN_PRECISION_F64] / once_ns[2][0];
+}
+
 // Return the computing cost of all edges and nodes of the lattice or mesh.
 static kn_tick_cost_part edges(const kn_model *m)
 {
@@ -70,25 +81,20 @@ static kn_tick_cost_part edges(const kn_model *m)
     snprintf(p.name, sizeof p.name, "edges, %s%s", law[m->law.kind], m->law.stroke ? " with stops" : "");
     // Work once per linearisation: the law of every edge and the right-hand side of every node.
     p.once.flops = edges * (EDGE_FLOPS + (table ? LAW_FLOPS : 0)) + nodes * NODE_FLOPS;
-    const int kept = kn_work_edge(m);
-    p.once.bytes = size * (edges * (kept + (m->law.kind == KN_LAW_VOIGT ? 0 : EDGE_REALS)) + nodes * NODE_REALS);
+    const double kept = (double)m->product_reals;
+    p.once.bytes = size * (kept + edges * (m->law.kind == KN_LAW_VOIGT ? 0 : EDGE_REALS) + nodes * NODE_REALS);
     // Work per CG iteration: the product with the matrix and the vectors. If only one real number is stored per edge,
     // each iteration computes the direction of the edge again.
     p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
-    if (kept == 1) p.iteration.flops += edges * DIRECTION_FLOPS;
-    p.iteration.bytes = size * (edges * kept + nodes * NODE_ITERATION_REALS);
-    // For meshes the time was measured per edge, for lattices per SIMD lane.
-    if (m->def.mesh) {
-        p.once.us = 1e-3 * m->edge_count * (EDGE_NS + (kn_tick_cost_newton(m) ? NEWTON_NS / KN_FORWARD : 0));
-        p.iteration.us = 1e-3 * m->edge_count * EDGE_ITERATION_NS;
-    } else {
-        p.once.us = 1e-3 * nodes * once_ns[isa_of(m)][f64] * law_share[m->law.kind];
-        if (kn_tick_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
-        p.iteration.us = 1e-3 * nodes * iteration_ns[isa_of(m)][f64];
-        // Add the time of nodes that are interpolated from other nodes, because every matrix product interpolates them.
-        p.once.us += 1e-3 * TIE_NS * kn_composite_tied(m);
-        p.iteration.us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
-    }
+    if (m->product_reals == m->edge_reals) p.iteration.flops += edges * DIRECTION_FLOPS;
+    p.iteration.bytes = size * (kept + nodes * NODE_ITERATION_REALS);
+    const bool mesh = m->def.mesh != NULL;
+    p.once.us = 1e-3 * nodes * (mesh ? mesh_once_ns : once_ns)[isa_of(m)][f64] * law_share[m->law.kind];
+    p.iteration.us = 1e-3 * nodes * (mesh ? mesh_iteration_ns : iteration_ns)[isa_of(m)][f64];
+    if (kn_tick_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
+    // Add the time of nodes that are interpolated from other nodes, because every matrix product interpolates them.
+    p.once.us += 1e-3 * TIE_NS * kn_composite_tied(m);
+    p.iteration.us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
     return p;
 }
 
@@ -98,7 +104,7 @@ static kn_tick_cost_part gas(const kn_model *m)
     bool f64 = m->def.solver.precision == KN_PRECISION_F64, cells = m->def.pressure == KN_PRESSURE_CELLS;
     // gas_ns was measured with avx512 in f32. For other instruction sets and precisions, scale gas_ns by the ratio of
     // the edge times once_ns.
-    double slower = once_ns[isa_of(m)][f64] / once_ns[2][0], nodes = (double)kn_model_field(m, 1);
+    double slower = slower_of(m), nodes = (double)kn_model_field(m, 1);
     double count = m->def.mesh ? m->def.mesh->element_count : nodes;
     kn_tick_cost_part p = {.once = {.flops = count * GAS_FLOPS, .bytes = count * GAS_REALS * (f64 ? 8 : 4)}};
     snprintf(p.name, sizeof p.name, "gas in %s", cells ? "the cells" : "the object");
@@ -106,11 +112,23 @@ static kn_tick_cost_part gas(const kn_model *m)
                                  .flops = count * GAS_ITERATION_FLOPS,
                                  .us = 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
     p.once.us = 1e-3 * count * gas_ns[m->def.pressure] * slower;
-    // In a mesh, the gas of an element takes the computing time of two edges.
     if (m->def.mesh) {
-        p.once.us = 2e-3 * count * EDGE_NS;
-        p.iteration.us = 2e-3 * count * EDGE_ITERATION_NS;
+        p.once.us = 1e-3 * count * element_ns * slower;
+        p.iteration.us = 1e-3 * count * element_iteration_ns * slower;
     }
+    return p;
+}
+
+// Return the computing cost of the coarse level of the preconditioner.
+static kn_tick_cost_part coarse(const kn_model *m)
+{
+    const double size = m->def.solver.precision == KN_PRECISION_F64 ? 8 : 4, nodes = (double)kn_model_field(m, 1);
+    const double elements = (double)m->coarse->unknowns * m->coarse->padded;
+    kn_tick_cost_part p = {.name = ""};
+    snprintf(p.name, sizeof p.name, "coarse level, %d nodes", m->coarse->unknowns / 3);
+    p.iteration = (kn_tick_cost){.bytes = size * (elements + COARSE_REALS * nodes),
+                                 .flops = 2 * elements + COARSE_FLOPS * nodes,
+                                 .us = 1e-3 * (coarse_ns * nodes + coarse_element_ns * elements) * slower_of(m)};
     return p;
 }
 
@@ -159,6 +177,7 @@ int kn_tick_cost_parts(const kn_model *model, kn_tick_cost_part part[KN_TICK_COS
 {
     int count = 0;
     part[count++] = edges(model);
+    if (model->coarse) part[count++] = coarse(model);
     if (model->def.pressure != KN_PRESSURE_NONE) part[count++] = gas(model);
     for (int p = 0; p < model->def.probe_count; p++) part[count++] = contact(model, p);
     return count;

@@ -1,6 +1,6 @@
 #ifndef KN_CLIENTS_TICK_COST_H
 #define KN_CLIENTS_TICK_COST_H
-// Predicted computing time per tick for each part of a scene (lattice or mesh, gas, contact of each tool). The
+// Predicted computing time per tick for each part of a scene (lattice or mesh, coarse level, gas, contact of each tool). The
 // prediction uses sizes and measured rates; nothing is run.
 #include "core/model.h"
 
@@ -16,7 +16,7 @@ typedef struct kn_tick_cost_part {
     kn_tick_cost once, iteration;
 } kn_tick_cost_part;
 
-#define KN_TICK_COST_PARTS (2 + KN_PROBES_MAX)
+#define KN_TICK_COST_PARTS (3 + KN_PROBES_MAX)
 
 // Return true if the model solves each edge separately by Newton's method. This is the case if the SIMD lanes cannot
 // solve the material law for several edges at once.

@@ -584,6 +584,7 @@ const char *kn_composite_build(kn_model *m)
     m->row_count = c->row_first[c->part_count];
     m->stride = kn_grid_stride(&c->part[0].grid);
     m->edge_reals = (size_t)m->row_count * KN_FORWARD * m->stride;
+    m->product_reals = (size_t)kn_work_edge(m) * m->edge_reals;
     build_faces(m);
     place_nodes(m);
     tie_all(m);

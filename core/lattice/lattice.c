@@ -96,6 +96,7 @@ bool kn_block_build(kn_model *m)
     m->row_count = g->rows;
     m->stride = kn_grid_stride(g);
     m->edge_reals = kn_grid_field(g, KN_FORWARD);
+    m->product_reals = (size_t)kn_work_edge(m) * m->edge_reals;
     m->kappa_m = g->kappa_m;
     m->gamma = g->gamma;
     m->size_m = fmax(fmax(g->n[0], g->n[1]), g->n[2]) * g->spacing_m;

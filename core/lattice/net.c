@@ -1,6 +1,7 @@
 #include "core/lattice/lattice.h"
 #include "core/algebra/algebra.h"
 #include "core/law.h"
+#include "core/solve/coarse.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -670,6 +671,83 @@ static const char *fit_middle(kn_model *m)
     return wrong;
 }
 
+// --- order in memory ------------------------------------------------------------------------------------------------
+
+// The place of a node in memory. The nodes of a cell of the coarse level follow one another and begin a row. Within the
+// cell the nodes with the most edges come first, so that the nodes of a row have about as many.
+typedef struct place {
+    int cell[3], degree, node;
+} place;
+
+static int by_place(const void *a, const void *b)
+{
+    const place *x = a, *y = b;
+    for (int k = 2; k >= 0; k--)
+        if (x->cell[k] != y->cell[k]) return x->cell[k] < y->cell[k] ? -1 : 1;
+    if (x->degree != y->degree) return x->degree > y->degree ? -1 : 1;
+    return (x->node > y->node) - (x->node < y->node);
+}
+
+// The place of an edge in memory: that of its ends.
+typedef struct pair {
+    size_t low, high;
+    int edge;
+} pair;
+
+static int by_pair(const void *a, const void *b)
+{
+    const pair *x = a, *y = b;
+    if (x->low != y->low) return x->low < y->low ? -1 : 1;
+    return (x->high > y->high) - (x->high < y->high);
+}
+
+// Give every edge its slot in the field `strain`.
+static bool order_edges(kn_model *m)
+{
+    pair *order = malloc((size_t)m->edge_count * sizeof *order);
+    if (!order) return false;
+    for (int e = 0; e < m->edge_count; e++) {
+        const size_t i = m->offset[m->edges[e].i], j = m->offset[m->edges[e].j];
+        order[e] = (pair){i < j ? i : j, i < j ? j : i, e};
+    }
+    qsort(order, (size_t)m->edge_count, sizeof *order, by_pair);
+    for (int slot = 0; slot < m->edge_count; slot++) m->edges[order[slot].edge].slot = slot;
+    free(order);
+    return true;
+}
+
+// Give every node its offset, and every row the number of its turns (core/solve/kernel_net.c).
+static bool order_nodes(kn_model *m)
+{
+    const int nodes = m->def.mesh->node_count;
+    place *order = calloc((size_t)nodes, sizeof *order);
+    m->row_turns = calloc((size_t)nodes, sizeof *m->row_turns);
+    if (!order || !m->row_turns) {
+        free(order);
+        return false;
+    }
+    for (int i = 0; i < nodes; i++) {
+        double at[3];
+        order[i].node = i;
+        if (m->coarse) kn_coarse_cell(m->coarse, m->def.mesh->x_m[i], order[i].cell, at);
+    }
+    for (int e = 0; e < m->edge_count; e++) order[m->edges[e].i].degree++, order[m->edges[e].j].degree++;
+    qsort(order, (size_t)nodes, sizeof *order, by_place);
+    int turns = 0;
+    for (int i = 0, lane = KN_LANES; i < nodes; i++, lane++) {
+        // a row begins where the last one is full, and with every cell
+        if (lane == KN_LANES || memcmp(order[i].cell, order[i - 1].cell, sizeof order[i].cell) != 0) {
+            lane = 0;
+            m->row_turns[m->row_count++] = order[i].degree;
+            turns += order[i].degree;
+        }
+        m->offset[order[i].node] = (size_t)(m->row_count - 1) * 3 * KN_LANES + (size_t)lane;
+    }
+    m->product_reals = 3 * (size_t)turns * KN_LANES;
+    free(order);
+    return order_edges(m);
+}
+
 const char *kn_net_build(kn_model *m)
 {
     const kn_simplices *s = m->def.mesh;
@@ -677,12 +755,10 @@ const char *kn_net_build(kn_model *m)
     facet *facets = outer_facets(s, &count);
     const char *wrong = KN_NO_MEMORY;
     if (facets && kn_model_nodes(m, s->node_count, s->node_count) && build_edges(m) && build_skin(m, facets, count) &&
-        build_cells(m)) {
-        m->row_count = s->node_count;
-        m->stride = 1;
+        build_cells(m) && order_nodes(m)) {
+        m->stride = KN_LANES;
         m->edge_reals = (size_t)(m->edge_count + KN_LANES - 1) / KN_LANES * KN_LANES;
         // make the nodes first, because support, top and fit need them
-        for (int i = 0; i < s->node_count; i++) m->offset[i] = 3 * (size_t)i;
         memcpy(m->rest_m, s->x_m, (size_t)s->node_count * sizeof *m->rest_m);
         build_masses(m);
         build_support(m);

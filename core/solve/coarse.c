@@ -21,43 +21,67 @@
 // iterations.
 #define RIGID_SHARE 0.03
 
-// Return the length of the cells along axis k, m.
-static double cell_of(const kn_model *m, const kn_coarse *c, int k)
-{
-    return c->nodes[k] > 1 ? (m->grid.n[k] - 1) * m->grid.spacing_m / (c->nodes[k] - 1) : 0;
-}
-
 // Return the axis along which the cells are longest and can be divided once more, or -1 if there is none.
-static int divisible(const kn_model *m, const kn_coarse *c, int most)
+static int divisible(const kn_coarse *c, const double extent_m[3], double spacing_m, int most)
 {
     int best = -1;
+    double best_m = 0;
     for (int k = 0; k < 3; k++) {
         const int n = c->nodes[k], total = c->nodes[0] * c->nodes[1] * c->nodes[2];
-        // the kernels hold the coarse nodes of a row in the lanes of a vector
-        const bool fits = n > 1 && n < KN_LANES && total / n * (n + 1) <= most;
-        // also after the division, a cell is at least 2 spacings long
-        const bool can = fits && cell_of(m, c, k) * (n - 1) >= 2 * m->grid.spacing_m * n;
-        if (can && (best < 0 || cell_of(m, c, k) > cell_of(m, c, best))) best = k;
+        // the kernels of a block hold the coarse nodes of a row in the lanes of a vector; also after the division, a
+        // cell is at least 2 spacings long
+        if (n < 2 || n >= KN_LANES || total / n * (n + 1) > most || extent_m[k] < 2 * spacing_m * n) continue;
+        if (extent_m[k] / (n - 1) > best_m) best = k, best_m = extent_m[k] / (n - 1);
     }
     return best;
 }
 
+// Find the box around the undeformed object: its extent, and for a mesh its first corner, m. Return the number of nodes
+// of the object.
+static int box_of(const kn_model *m, double first_m[3], double extent_m[3])
+{
+    const kn_simplices *s = m->def.mesh;
+    for (int k = 0; k < 3; k++) extent_m[k] = s ? 0 : (m->grid.n[k] - 1) * m->grid.spacing_m;
+    if (!s) return kn_composite_is(&m->def) ? kn_composite_nodes(&m->def) : m->grid.nodes;
+    for (int k = 0; k < 3; k++) {
+        double low = INFINITY, high = -INFINITY;
+        for (int i = 0; i < s->node_count; i++) low = fmin(low, s->x_m[i][k]), high = fmax(high, s->x_m[i][k]);
+        first_m[k] = low;
+        extent_m[k] = high - low;
+    }
+    return s->node_count;
+}
+
 bool kn_coarse_plan(kn_model *m)
 {
-    const kn_model_def *def = &m->def;
-    const int nodes = kn_composite_is(def) ? kn_composite_nodes(def) : m->grid.nodes;
-    if (def->solver.kind != KN_SOLVER_IMPLICIT || def->mesh) return true;
-    if (nodes < SMALLEST && def->support < KN_SUPPORT_NONE) return true;
+    double first_m[3] = {0}, extent_m[3];
+    if (m->def.solver.kind != KN_SOLVER_IMPLICIT) return true;
+    const int nodes = box_of(m, first_m, extent_m);
+    if (nodes < SMALLEST && m->def.support < KN_SUPPORT_NONE) return true;
     const int most = nodes / NODES_EACH < LEAST ? LEAST : nodes / NODES_EACH > MOST ? MOST : nodes / NODES_EACH;
     kn_coarse *c = m->coarse = calloc(1, sizeof *c);
     if (!c) return false;
     // begin with one cell, and divide the longest cells again and again: they come near to cubes
-    for (int k = 0; k < 3; k++) c->nodes[k] = m->grid.n[k] > 1 ? 2 : 1;
-    for (int k; (k = divisible(m, c, most)) >= 0;) c->nodes[k]++;
-    for (int k = 0; k < 3; k++) c->cell_m[k] = cell_of(m, c, k);
+    for (int k = 0; k < 3; k++) c->nodes[k] = extent_m[k] > 0 ? 2 : 1;
+    for (int k; (k = divisible(c, extent_m, m->def.spacing_m, most)) >= 0;) c->nodes[k]++;
+    for (int k = 0; k < 3; k++) {
+        c->first_m[k] = first_m[k];
+        c->cell_m[k] = c->nodes[k] > 1 ? extent_m[k] / (c->nodes[k] - 1) : 0;
+    }
     c->unknowns = 3 * c->nodes[0] * c->nodes[1] * c->nodes[2];
     c->padded = (c->unknowns + KN_LANES - 1) / KN_LANES * KN_LANES;
     return true;
+}
+
+void kn_coarse_cell(const kn_coarse *c, const double x_m[3], int cell[3], double place[3])
+{
+    for (int k = 0; k < 3; k++) {
+        const double at =
+            c->cell_m[k] > 0 ? fmin(fmax(0, (x_m[k] - c->first_m[k]) / c->cell_m[k]), c->nodes[k] - 1) : 0;
+        cell[k] = (int)at;
+        if (cell[k] > c->nodes[k] - 2) cell[k] = c->nodes[k] > 1 ? c->nodes[k] - 2 : 0;
+        place[k] = at - cell[k];
+    }
 }
 
 void kn_coarse_destroy(kn_coarse *coarse)
@@ -79,7 +103,7 @@ size_t kn_coarse_reals(const kn_model *m)
 {
     size_t most = 0;
     if (!m->coarse) return 0;
-    if (!m->composite) most = transfer_reals(m, m->coarse);
+    if (!m->composite && !m->def.mesh) most = transfer_reals(m, m->coarse);
     for (int p = 0; m->composite && p < m->composite->part_count; p++) {
         const size_t reals = transfer_reals(&m->composite->part[p], m->coarse);
         most = reals > most ? reals : most;

@@ -12,9 +12,13 @@
 // The residual is judged by r'P r alone, so that `tolerance` has the same meaning with and without the coarse level.
 #include "core/solve/kernel.h"
 
-// Choose the coarse nodes of a block before its tables are built. A model whose coarse level would not pay has none:
+// Choose the coarse nodes of a model before its nodes and tables are built. A model whose coarse level would not pay has none:
 // model->coarse stays NULL. Return false if memory is short.
 bool kn_coarse_plan(kn_model *model);
+
+// Find the cell of coarse nodes that contains a place of the undeformed object: the number of its lowest corner along
+// x, y, z, and the place in the cell, 0 to 1. `c` counts from the same point as x_m.
+void kn_coarse_cell(const kn_coarse *c, const double x_m[3], int cell[3], double place[3]);
 
 // Compute and invert Ac once the model is complete. Return false if memory is short.
 bool kn_coarse_build(kn_model *model);

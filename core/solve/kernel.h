@@ -18,7 +18,7 @@
 // Coarse level of the preconditioner: a box grid of coarse nodes over the undeformed object, see coarse.h.
 typedef struct kn_coarse {
     int nodes[3];      // number of coarse nodes along x, y, z
-    double first_m[3]; // place of the first coarse node, from the first node of the block [m]
+    double first_m[3]; // place of the first coarse node: from the first node of a block, or in the frame of a mesh [m]
     double cell_m[3];  // distance of coarse nodes; 0 along an axis with one node
     int unknowns;      // three velocities per coarse node
     int padded;        // `unknowns`, rounded up to whole vectors
@@ -35,15 +35,16 @@ typedef struct kn_work {
     void *d;     // (3) search direction of the conjugate gradients
     void *z;     // (3) preconditioned residual P r
     void *p;     // (6) diagonal blocks of the matrix while they are summed, then blocks of P: xx xy xz yy yz zz
-    // For each edge the vector sqrt(kappa weight ds/dw) n. Layout: block [row][13][x y z][stride], net [edge][x y z]. A
-    // block in f64 has one real per edge instead, kappa weight ds/dw / length^2, in [row][13][stride].
+    // For each edge the vector sqrt(kappa weight ds/dw) n. Layout: block [row][13][x y z][stride], net [turn][x y z][16]
+    // (kernel_net.c). A block in f64 has one real per edge instead, kappa weight ds/dw / length^2, in [row][13][stride].
     void *g;
     void *free;  // (3) 1 if a component is free, 0 if its velocity is prescribed
     void *whole; // (6) composite: diagonal blocks before constraints and inversion; else NULL
-    // With gas in each cell: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 reals per cell (flat 8, net 12).
+    // With gas in each cell: sqrt(-dt dP/dV) dV/dx of the corners of every cell, 24 reals per cell (flat 8, net 16).
     // With one gas pressure for the whole object: the same expression with dV/dx of every node, 3 reals per node.
     // Without gas: NULL.
     void *cell;
+    void *records; // net: records of nodes and edges, see kernel_net.c; else NULL
     // Coarse level (coarse.h): residual and solution of the coarse nodes, and sums of the transfers; NULL without one.
     void *coarse;
     // one flag per row; 1: at least one component of the row's nodes is prescribed
@@ -83,10 +84,21 @@ extern const kn_kernels kn_kernels_grid_base_f32, kn_kernels_grid_base_f64, kn_k
 extern const kn_kernels kn_kernels_net_base_f32, kn_kernels_net_base_f64, kn_kernels_net_avx2_f32,
     kn_kernels_net_avx2_f64, kn_kernels_net_avx512_f32, kn_kernels_net_avx512_f64;
 
-// Return the number of reals that kn_work.g holds per edge.
-static inline int kn_work_edge(const kn_model *m)
+// Return the number of reals that kn_work.g holds per edge of a block.
+static inline int kn_work_edge(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32 ? 3 : 1; }
+
+// Return the number of a net's cells, rounded up to whole vectors.
+static inline size_t kn_work_cells(const kn_model *m)
 {
-    return m->def.mesh || m->def.solver.precision == KN_PRECISION_F32 ? 3 : 1;
+    return ((size_t)m->cell_count + KN_LANES - 1) / KN_LANES * KN_LANES;
+}
+
+// Return the number of reals of kn_work.records. A record has four. There are three per node, two per edge and two of
+// zeros; gas needs three more per node.
+static inline size_t kn_work_records(const kn_model *m)
+{
+    const size_t each = m->def.pressure == KN_PRESSURE_NONE ? 3 : 6;
+    return 4 * (each * (size_t)m->row_count * KN_LANES + 2 * (m->edge_reals + 1));
 }
 
 // Return true if nothing but contact and gravity holds the object. The preconditioner then has a second level, the

@@ -1,6 +1,6 @@
 // The kernels of a block. This source is compiled for three instruction sets and two precisions. kernel.h says what the
 // loops do, grid.h describes the layout.
-#include "core/solve/kernel_law.h"
+#include "core/solve/kernel_nodes.h"
 
 // Constants of a model in its precision, equal for every instruction set. The share of a node along an axis is 1/2 at
 // the two ends of the block and 1 between them.
@@ -176,12 +176,6 @@ static void tables_build(const kn_model *model, void *block)
 
 // --- addressing -----------------------------------------------------------------------------------------------------
 
-// Return the offset of vector k of component c of a row, in a field with C components.
-LANES_INLINE size_t at(int K, int row, int C, int c, int k)
-{
-    return (((size_t)row * (size_t)C + (size_t)c) * (size_t)K + (size_t)k) * KN_LANES;
-}
-
 // Load component c of the neighbours of the nodes in vector k of a row. s = -1, 0 or +1: shift along the row.
 LANES_INLINE lanes near(int K, const real *field, int row, int c, int k, int s)
 {
@@ -206,8 +200,6 @@ LANES_INLINE lanes turn(int K, lanes a, int k, int s)
     if (to >= 0 && to < K) return a;
     return s > 0 ? lanes_prev(a) : lanes_next(a);
 }
-
-LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_load(p), a)); }
 
 // Return the row to which the forward edges of group g lead, or -1 if there is none; see the drawing in grid.h. Group
 // -1 is the row itself.
@@ -241,30 +233,6 @@ LANES_INLINE real group_share(real row, real plane, real diagonal, int g, int s)
 enum { LEAN = sizeof(real) == sizeof(double) };
 
 // --- the edge pass --------------------------------------------------------------------------------------------------
-
-typedef struct fields { // the fields of a state and of the solver, with the type `real`
-    // K: number of vectors per row. If K is a constant 1, the compiler removes the branches from the loops.
-    int K;
-    const real *x, *v;
-    real *u, *guess, *r, *q, *d, *z, *p, *g;
-    const real *free;
-} fields;
-
-LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
-{
-    return (fields){K,
-                    state->displacement,
-                    state->velocity,
-                    state->strain,
-                    work->guess,
-                    work->r,
-                    work->q,
-                    work->d,
-                    work->z,
-                    work->p,
-                    work->g,
-                    work->free};
-}
 
 // Sixteen edges: they lead from the nodes of vector k of a row to the nodes of row `to` that are shifted by s along the
 // row.
@@ -344,83 +312,19 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
         }
 }
 
-// Compute z = P r for the symmetric blocks P of sixteen nodes. Return r.z for each lane.
-LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3])
-{
-    z[0] = lanes_fma(p[2], r[2], lanes_fma(p[1], r[1], lanes_mul(p[0], r[0])));
-    z[1] = lanes_fma(p[4], r[2], lanes_fma(p[3], r[1], lanes_mul(p[1], r[0])));
-    z[2] = lanes_fma(p[5], r[2], lanes_fma(p[4], r[1], lanes_mul(p[2], r[0])));
-    return dot(r, z);
-}
-
-// Invert symmetric 3 x 3 blocks by their cofactors.
-LANES_INLINE void invert_block(const lanes m[6], lanes p[6])
-{
-    p[0] = lanes_fnma(m[4], m[4], lanes_mul(m[3], m[5]));
-    p[1] = lanes_fnma(m[1], m[5], lanes_mul(m[2], m[4]));
-    p[2] = lanes_fnma(m[2], m[3], lanes_mul(m[1], m[4]));
-    p[3] = lanes_fnma(m[2], m[2], lanes_mul(m[0], m[5]));
-    p[4] = lanes_fnma(m[0], m[4], lanes_mul(m[1], m[2]));
-    p[5] = lanes_fnma(m[1], m[1], lanes_mul(m[0], m[3]));
-    lanes determinant = lanes_fma(m[2], p[2], lanes_fma(m[1], p[1], lanes_mul(m[0], p[0])));
-    lanes inverse = lanes_div(lanes_set(1), determinant);
-    for (int i = 0; i < 6; i++) p[i] = lanes_mul(p[i], inverse);
-}
-
 LANES_INLINE lanes mass_of(const tables *t, int b, int c, int k)
 {
     return lanes_mul(lanes_set(t->mass_dt * t->row_share[b] * t->plane_share[c]),
                      lanes_load(t->lane_mass + (size_t)k * KN_LANES));
 }
 
-// Finish vector k of a row after all of its edges have been added: add mass and weight, apply constraints, invert the
-// blocks, compute z. Return r.z for each lane.
+// Finish vector k of a row after all of its edges have been added. Return r.z for each lane.
 LANES_INLINE lanes finish_row(const tables *t, const fields *f, const kn_work *work, int row, int b, int c, int k,
                               bool again)
 {
-    // add mass over dt to the diagonal of every block
-    lanes m[6], p[6], r[3], z[3], mass = mass_of(t, b, c, k);
-    for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(f->K, row, 3, i, k));
-    for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(f->K, row, 6, i, k));
-    m[0] = lanes_add(m[0], mass);
-    m[3] = lanes_add(m[3], mass);
-    m[5] = lanes_add(m[5], mass);
-    if (t->weight != 0) {
-        lanes share = lanes_load(t->lane_share + (size_t)k * KN_LANES);
-        r[2] = lanes_fnma(lanes_set(t->weight * t->row_share[b] * t->plane_share[c]), share, r[2]);
-    }
-    // add inertia if the guess differs from the last velocity
-    if (work->row_moved[row] || again)
-        for (int i = 0; i < 3; i++) {
-            size_t o = at(f->K, row, 3, i, k);
-            r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
-        }
-    if (work->row_held[row]) {
-        // keep the block without constraints, which a composite adds to the masters of tied nodes
-        for (int i = 0; work->whole && i < 6; i++) lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
-        static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
-        lanes loose[3], one = lanes_set(1);
-        for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));
-        // clear the rows and columns of prescribed components, so that the inverse acts on free components only
-        for (int i = 0; i < 3; i++) {
-            int o = pair[i][0];
-            m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
-            // the diagonal of a prescribed component becomes 1, so that the block can be inverted
-            m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]);
-        }
-        // the diagonal of a prescribed component in the inverse becomes 0, so that the component never changes
-        invert_block(m, p);
-        for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);
-    } else {
-        invert_block(m, p);
-    }
-    lanes rz = multiply_block(p, r, z);
-    for (int i = 0; i < 3; i++) {
-        lanes_store(f->r + at(f->K, row, 3, i, k), r[i]);
-        lanes_store(f->z + at(f->K, row, 3, i, k), z[i]);
-    }
-    for (int i = 0; i < 6; i++) lanes_store(f->p + at(f->K, row, 6, i, k), p[i]);
-    return rz;
+    lanes weight = lanes_mul(lanes_set(t->weight * t->row_share[b] * t->plane_share[c]),
+                             lanes_load(t->lane_share + (size_t)k * KN_LANES));
+    return finish_nodes(f, work, row, k, mass_of(t, b, c, k), weight, again);
 }
 
 // Add all forward edges of the nodes in vector k of a row.
@@ -499,35 +403,6 @@ static double edge(const kn_model *model, kn_state *state, const kn_work *work, 
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
-
-// Set z to the last step's change of velocity at free components. Return r.z.
-static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
-{
-    const tables *t = model->tables;
-    const real *change = state->change, *r = work->r, *free = work->free;
-    real *z = work->z;
-    const size_t plane = (size_t)t->rows * 3 * (size_t)t->vectors * KN_LANES;
-    double total = 0;
-    for (int c = 0; c < t->planes; c++) {
-        lanes sum = lanes_set(0);
-        for (size_t o = (size_t)c * plane; o < (size_t)(c + 1) * plane; o += KN_LANES) {
-            lanes d = lanes_mul(lanes_load(change + o), lanes_load(free + o));
-            lanes_store(z + o, d);
-            sum = lanes_fma(d, lanes_load(r + o), sum);
-        }
-        total += lanes_sum(sum);
-    }
-    return total;
-}
-
-// Compute d = z + beta d of one row.
-LANES_INLINE void next_direction(const fields *f, int row, real beta)
-{
-    for (int i = 0; i < 3 * f->K; i++) {
-        size_t o = at(f->K, row, 3, 0, i);
-        lanes_store(f->d + o, lanes_fma(lanes_set(beta), lanes_load(f->d + o), lanes_load(f->z + o)));
-    }
-}
 
 // Values at the near ends of the edges of a row: displacement x (f64 only), search direction d, product q.
 typedef struct products {
@@ -609,55 +484,25 @@ static double apply(const kn_model *model, const kn_state *state, const kn_work 
     return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state, work);
 }
 
-// Compute guess += alpha d, r -= alpha q, z = P r. Return r.z.
-LANES_INLINE double update_rows(const kn_model *model, const kn_work *work, double alpha, int K)
+#include "core/solve/kernel_coarse.h"
+
+static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
-    fields f = {.K = K, .guess = work->guess, .r = work->r, .q = work->q, .d = work->d, .z = work->z, .p = work->p};
-    const lanes a = lanes_set((real)alpha), zero = lanes_set(0);
-    double total = 0;
-    for (int c = 0, row = 0; c < t->planes; c++) {
-        lanes plane = zero;
-        for (int b = 0; b < t->rows; b++, row++)
-            for (int k = 0; k < f.K; k++) {
-                lanes p[6], r[3], z[3];
-                for (int i = 0; i < 6; i++) p[i] = lanes_load(f.p + at(f.K, row, 6, i, k));
-                for (int i = 0; i < 3; i++) {
-                    size_t o = at(f.K, row, 3, i, k);
-                    lanes_store(f.guess + o, lanes_fma(a, lanes_load(f.d + o), lanes_load(f.guess + o)));
-                    r[i] = lanes_fnma(a, lanes_load(f.q + o), lanes_load(f.r + o));
-                    lanes_store(f.r + o, r[i]);
-                    lanes_store(f.q + o, zero); // clear q for the next product A d
-                }
-                plane = lanes_add(plane, multiply_block(p, r, z));
-                for (int i = 0; i < 3; i++) lanes_store(f.z + at(f.K, row, 3, i, k), z[i]);
-            }
-        total += lanes_sum(plane);
-    }
-    return total;
+    return recall_nodes(state, work, t->row_count, t->rows, t->vectors);
 }
 
 static double update(const kn_model *model, const kn_work *work, double alpha)
 {
-    int K = model->grid.vectors;
-    return K == 1 ? update_rows(model, work, alpha, 1) : update_rows(model, work, alpha, K);
+    const tables *t = model->tables;
+    return t->vectors == 1 ? update_nodes(work, alpha, t->row_count, t->rows, 1)
+                           : update_nodes(work, alpha, t->row_count, t->rows, t->vectors);
 }
 
-#include "core/solve/kernel_coarse.h"
-
-// Advance displacements, velocities and the last change of velocity.
 static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
 {
     const tables *t = model->tables;
-    real *x = state->displacement, *v = state->velocity, *change = state->change;
-    const real *guess = work->guess;
-    size_t reals = (size_t)t->row_count * 3 * (size_t)t->vectors * KN_LANES;
-    for (size_t o = 0; o < reals; o += KN_LANES) {
-        lanes g = lanes_load(guess + o);
-        lanes_store(change + o, lanes_sub(g, lanes_load(v + o)));
-        lanes_store(v + o, g);
-        lanes_store(x + o, lanes_fma(lanes_set(t->law.dt), g, lanes_load(x + o)));
-    }
+    integrate_nodes(state, work, t->law.dt, t->row_count, t->vectors);
 }
 
 const kn_kernels KN_KERNELS(grid) = {

@@ -1,27 +1,45 @@
-// The kernels of a net. The law is evaluated for sixteen edges at a time, but forces and products are added to the
-// nodes one edge after the other. Edges are ordered by their lower node, so the sums of lower nodes stay in registers.
-// The scalar parts are plain arithmetic in a fixed order, so all machines give the same bits.
+// The kernels of a net. The law is evaluated for sixteen edges at a time. Then every node gathers what its edges have
+// left for it, sixteen nodes at a time, so nothing is scattered: the nodes of a row have about as many edges each
+// (core/lattice/net.c orders them), and the row takes as many turns as its first node has edges (the format SELL-16).
+//
+//     records   [x y z 0] of a node or an edge, so that one load brings all that another one needs of it
+//     turn      sixteen half edges, one per node of a row: the record of the node at the other end, the record of the
+//               edge, and the sign of its pull; a node with fewer edges than turns has its own record there, and g = 0
+//
+// Both ends of an edge compute the same product in the same order, so they differ in sign alone.
 #include "core/cell.h"
-#include "core/solve/kernel_law.h"
+#include "core/solve/coarse.h"
+#include "core/solve/kernel_nodes.h"
+
+// Number of rows whose nodes are summed together.
+enum { ROWS_TOGETHER = 16, RECORD = 4 };
 
 typedef struct tables {
     law_tables law; // must be first: its arrays are then aligned to 64 bytes like the block
-    int nodes, edges, batches;
-    int (*ends)[2]; // [edges] lower node, upper node
-    int *first;     // [nodes + 1] first edge with this lower node
-    real *rest;     // [batches][3][16] rest vector [m]; the padding repeats that of the first edge
-    real *scale;    // [batches][16] factor 1/(gamma L0) from length to strain [1/m]
-    real *area;     // [batches][16] factor gamma kappa weight L0 from stress to force [m^2]; 0 in the padding
-    real *root;     // [batches][16] factor sqrt(kappa weight A) from sqrt(ds/db) to sqrt(force per rate)
-    real *here;     // [batches][16] 1 if there is an edge, 0 in the padding
-    real *mass_dt;  // [nodes] mass over dt [kg/s]
-    real *weight;   // [nodes] downward force [N]
-    // Gas. cells: number of cells, 0 without gas; sides: number of sides from a cell's first corner; corner: corners of
-    // each cell; side: rest vectors of the sides; inverse_volume: 1/V0; outside: P0; sixth: 1/6 for a tetrahedron, half
-    // the thickness for a triangle.
+    int rows, edges, batches, turns;
+    int (*ends)[2][KN_LANES]; // [batches] offsets of the records of both ends; the padding repeats the first edge
+    real *rest;               // [batches][3][16] rest vector [m]; the padding repeats that of the first edge
+    real *scale;              // [batches][16] factor 1/(gamma L0) from length to strain [1/m]
+    real *area;               // [batches][16] factor gamma kappa weight L0 from stress to force [m^2]; 0 in the padding
+    real *root;               // [batches][16] factor sqrt(kappa weight A) from sqrt(ds/db) to sqrt(force per rate)
+    real *here;               // [batches][16] 1 if there is an edge, 0 in the padding
+    int *first;               // [rows + 1] first turn of each row
+    int (*other)[KN_LANES];   // [turns] offset of the record of the node at the other end
+    int (*edge)[KN_LANES];    // [turns] offset of the record of the edge
+    real *sign;               // [turns][16] 1 at the lower end of the edge, -1 at the upper end, 0 without an edge
+    real *mass_dt;            // [rows][16] mass over dt [kg/s]; 1 in the padding, so that no block is singular
+    real *weight;             // [rows][16] downward force [N]
+    // Coarse level. coarse_cell: lowest coarse node of the cell that contains the nodes of a row; coarse_step: from a
+    // coarse node to the next one along x, y, z, 0 along an axis with one; coarse_place: places in the cell, 0 to 1 along
+    // x, y, z, then 1 if there is a node.
+    int *coarse_cell, coarse_step[3];
+    real *coarse_place; // [rows][4][16]
+    // Gas. cells: number of cells, 0 without gas; sides: number of sides from a cell's first corner; corner
+    // [batches of 16][4][16]: offsets of the corners' records; side [batches][3][x y z][16]: rest vectors of the sides;
+    // inverse_volume: 1/V0; outside: P0; sixth: 1/6 for a tetrahedron, half the thickness for a triangle. The padding
+    // repeats the first cell.
     int cells, sides;
-    bool flat;
-    int (*corner)[4];
+    int (*corner)[4][KN_LANES];
     real *side, *inverse_volume;
     real outside, sixth;
     double volume; // volume of the whole object at rest [m^3]
@@ -31,11 +49,12 @@ static size_t padded(size_t bytes) { return (bytes + 63) / 64 * 64; }
 
 static size_t tables_size(const kn_model *m)
 {
-    size_t nodes = (size_t)m->node_count;
-    return padded(sizeof(tables)) + padded((nodes + 1) * sizeof(int)) + padded(m->edge_reals * 2 * sizeof(int)) +
-           7 * padded(m->edge_reals * sizeof(real)) + 2 * padded(nodes * sizeof(real)) +
-           padded((size_t)m->cell_count * 4 * sizeof(int)) + padded((size_t)m->cell_count * 9 * sizeof(real)) +
-           padded((size_t)m->cell_count * sizeof(real));
+    const size_t rows = (size_t)m->row_count, cells = kn_work_cells(m), turns = m->product_reals / (3 * KN_LANES);
+    const size_t batch = KN_LANES * sizeof(real), batches = m->edge_reals / KN_LANES;
+    return padded(sizeof(tables)) + batches * (2 * KN_LANES * sizeof(int) + 7 * batch) +
+           padded((rows + 1) * sizeof(int)) + turns * (2 * KN_LANES * sizeof(int) + batch) + 6 * rows * batch +
+           padded(rows * sizeof(int)) + padded(cells * 4 * sizeof(int)) + padded(cells * 9 * sizeof(real)) +
+           padded(cells * sizeof(real));
 }
 
 // Take an array from the block behind the tables.
@@ -46,17 +65,34 @@ static void *take(char **next, size_t bytes)
     return p;
 }
 
-// Fill the tables of the edges. The padding repeats the first edge with area 0, so that all lanes hold valid numbers.
-static void fill_edges(const kn_model *m, tables *t)
+// Return the place of a node in the order of memory.
+static int lane_of(const kn_model *m, int node)
 {
-    double a = m->law.a_pa_s;
-    for (size_t e = 0; e < m->edge_reals; e++) {
-        const kn_edge *edge = &m->edges[e < (size_t)m->edge_count ? e : 0];
-        bool here = e < (size_t)m->edge_count;
+    const int o = (int)m->offset[node], row = 3 * KN_LANES;
+    return o / row * KN_LANES + o % row;
+}
+
+// Fill the tables of the edges. The padding repeats the first edge with area 0, so that all lanes hold valid numbers.
+static void fill_edges(const kn_model *m, tables *t, char **next)
+{
+    const double a = m->law.a_pa_s;
+    const size_t edges = m->edge_reals * sizeof(real);
+    t->edges = m->edge_count;
+    t->batches = (int)(m->edge_reals / KN_LANES);
+    t->ends = take(next, (size_t)t->batches * sizeof *t->ends);
+    t->rest = take(next, 3 * edges);
+    t->scale = take(next, edges);
+    t->area = take(next, edges);
+    t->root = take(next, edges);
+    t->here = take(next, edges);
+    for (size_t i = 0; i < m->edge_reals; i++) {
+        const kn_edge *edge = &m->edges[i < (size_t)m->edge_count ? i : 0];
+        const bool here = i < (size_t)m->edge_count;
+        const size_t e = here ? (size_t)edge->slot : i, batch = e / KN_LANES, l = e % KN_LANES;
         for (size_t k = 0; k < 3; k++)
-            t->rest[e / KN_LANES * 3 * KN_LANES + k * KN_LANES + e % KN_LANES] =
-                (real)(m->rest_m[edge->j][k] - m->rest_m[edge->i][k]);
-        t->ends[e][0] = edge->i, t->ends[e][1] = edge->j;
+            t->rest[batch * 3 * KN_LANES + k * KN_LANES + l] = (real)(m->rest_m[edge->j][k] - m->rest_m[edge->i][k]);
+        t->ends[batch][0][l] = RECORD * lane_of(m, edge->i);
+        t->ends[batch][1][l] = RECORD * lane_of(m, edge->j);
         t->scale[e] = (real)(1 / (m->gamma * edge->rest_m));
         t->area[e] = (real)(here ? m->gamma * m->kappa_m * edge->weight * edge->rest_m : 0);
         t->root[e] = (real)(here ? sqrt(m->kappa_m * edge->weight * a) : 0);
@@ -64,319 +100,436 @@ static void fill_edges(const kn_model *m, tables *t)
     }
 }
 
+// Fill the turns of every row.
+static void fill_turns(const kn_model *m, tables *t, char **next)
+{
+    const size_t turns = m->product_reals / (3 * KN_LANES);
+    t->turns = (int)turns;
+    t->first = take(next, ((size_t)t->rows + 1) * sizeof(int));
+    t->other = take(next, turns * sizeof *t->other);
+    t->edge = take(next, turns * sizeof *t->edge);
+    t->sign = take(next, turns * KN_LANES * sizeof(real));
+    for (int row = 0, turn = 0; row <= t->rows; row++) {
+        t->first[row] = turn;
+        for (int end = row < t->rows ? turn + m->row_turns[row] : turn; turn < end; turn++)
+            for (int l = 0; l < KN_LANES; l++) {
+                t->other[turn][l] = RECORD * (row * KN_LANES + l);
+                t->edge[turn][l] = RECORD * (int)m->edge_reals; // the record behind those of the edges is 0
+            }
+    }
+    // give every edge the next turn of both of its ends
+    for (int e = 0; e < m->edge_count; e++)
+        for (int end = 0; end < 2; end++) {
+            const int lane = lane_of(m, end ? m->edges[e].j : m->edges[e].i), l = lane % KN_LANES;
+            int turn = t->first[lane / KN_LANES];
+            while (t->sign[turn * KN_LANES + l] != 0) turn++;
+            t->other[turn][l] = RECORD * lane_of(m, end ? m->edges[e].i : m->edges[e].j);
+            t->edge[turn][l] = RECORD * m->edges[e].slot;
+            t->sign[turn * KN_LANES + l] = end ? -1 : 1;
+        }
+}
+
+static void fill_nodes(const kn_model *m, tables *t, char **next)
+{
+    const size_t lanes_all = (size_t)t->rows * KN_LANES;
+    t->mass_dt = take(next, lanes_all * sizeof(real));
+    t->weight = take(next, lanes_all * sizeof(real));
+    for (size_t i = 0; i < lanes_all; i++) t->mass_dt[i] = 1;
+    for (int i = 0; i < m->node_count; i++) {
+        const int lane = lane_of(m, i);
+        t->mass_dt[lane] = (real)(m->node_mass_kg[i] * m->def.solver.mass_scale / m->def.solver.dt_s);
+        t->weight[lane] = (real)(m->node_mass_kg[i] * m->def.gravity_m_s2);
+    }
+}
+
+static void fill_coarse(const kn_model *m, tables *t, char **next)
+{
+    const kn_coarse *c = m->coarse;
+    if (!c) return;
+    t->coarse_cell = take(next, (size_t)t->rows * sizeof(int));
+    t->coarse_place = take(next, 4 * (size_t)t->rows * KN_LANES * sizeof(real));
+    for (int k = 0, step = 1; k < 3; step *= c->nodes[k++]) t->coarse_step[k] = c->nodes[k] > 1 ? step : 0;
+    for (int i = 0; i < m->node_count; i++) {
+        const int lane = lane_of(m, i), row = lane / KN_LANES;
+        int cell[3];
+        double place[3];
+        kn_coarse_cell(c, m->rest_m[i], cell, place);
+        t->coarse_cell[row] = (cell[2] * c->nodes[1] + cell[1]) * c->nodes[0] + cell[0];
+        for (int k = 0; k < 4; k++)
+            t->coarse_place[(4 * row + k) * KN_LANES + lane % KN_LANES] = k < 3 ? (real)place[k] : 1;
+    }
+}
+
 // Fill the tables of the cells.
 static void fill_cells(const kn_model *m, tables *t, char **next)
 {
+    const int padded_cells = (int)kn_work_cells(m);
     t->cells = m->cell_count;
     t->sides = m->def.mesh->dimension;
-    t->flat = t->sides == 2;
     t->outside = (real)kn_model_gas_pa(m);
-    t->sixth = (real)(t->flat ? 0.5 * m->def.thickness_m : 1.0 / 6);
-    t->corner = take(next, (size_t)t->cells * 4 * sizeof(int));
-    t->side = take(next, (size_t)t->cells * 9 * sizeof(real));
-    t->inverse_volume = take(next, (size_t)t->cells * sizeof(real));
-    for (int c = 0; c < t->cells; c++) {
-        for (int i = 0; i < 4; i++) t->corner[c][i] = m->cells[c].corner[i];
-        for (int i = 0; i < t->sides; i++)
-            for (int k = 0; k < 3; k++)
-                t->side[9 * c + 3 * i + k] = (real)(m->rest_m[t->corner[c][i + 1]][k] - m->rest_m[t->corner[c][0]][k]);
-        t->inverse_volume[c] = (real)(1 / m->cell_volume[c]);
-        t->volume += m->cell_volume[c];
+    t->sixth = (real)(t->sides == 2 ? 0.5 * m->def.thickness_m : 1.0 / 6);
+    t->corner = take(next, (size_t)padded_cells * 4 * sizeof(int));
+    t->side = take(next, (size_t)padded_cells * 9 * sizeof(real));
+    t->inverse_volume = take(next, (size_t)padded_cells * sizeof(real));
+    for (int i = 0; i < padded_cells; i++) {
+        const int c = i < t->cells ? i : 0, batch = i / KN_LANES, l = i % KN_LANES, *corner = m->cells[c].corner;
+        for (int k = 0; k <= t->sides; k++) t->corner[batch][k][l] = RECORD * lane_of(m, corner[k]);
+        for (int k = 0; k < 3 * t->sides; k++)
+            t->side[(9 * batch + k) * KN_LANES + l] =
+                (real)(m->rest_m[corner[k / 3 + 1]][k % 3] - m->rest_m[corner[0]][k % 3]);
+        t->inverse_volume[i] = (real)(1 / m->cell_volume[c]);
+        if (i < t->cells) t->volume += m->cell_volume[c];
     }
 }
 
 static void tables_build(const kn_model *m, void *block)
 {
     tables *t = block;
-    size_t nodes = (size_t)m->node_count, edges = m->edge_reals * sizeof(real);
     char *next = (char *)block + padded(sizeof *t);
     law_tables_build(&t->law, m);
-    t->nodes = m->node_count;
-    t->edges = m->edge_count;
-    t->batches = (int)(m->edge_reals / KN_LANES);
-    t->ends = take(&next, m->edge_reals * sizeof *t->ends);
-    t->first = take(&next, (nodes + 1) * sizeof(int));
-    t->rest = take(&next, 3 * edges);
-    t->scale = take(&next, edges);
-    t->area = take(&next, edges);
-    t->root = take(&next, edges);
-    t->here = take(&next, edges);
-    t->mass_dt = take(&next, nodes * sizeof(real));
-    t->weight = take(&next, nodes * sizeof(real));
-    fill_edges(m, t);
+    t->rows = m->row_count;
+    fill_edges(m, t, &next);
+    fill_turns(m, t, &next);
+    fill_nodes(m, t, &next);
+    fill_coarse(m, t, &next);
     fill_cells(m, t, &next);
-    // find the first edge of each node; edges are in the order of their lower nodes
-    for (int i = 0, e = 0; i <= m->node_count; i++) {
-        while (e < m->edge_count && m->edges[e].i < i) e++;
-        t->first[i] = e;
-    }
-    for (int i = 0; i < m->node_count; i++) {
-        t->mass_dt[i] = (real)(m->node_mass_kg[i] * m->def.solver.mass_scale / m->def.solver.dt_s);
-        t->weight[i] = (real)(m->node_mass_kg[i] * m->def.gravity_m_s2);
-    }
 }
 
 // --- the edge pass --------------------------------------------------------------------------------------------------
 
-// Compute the differences of a 3-component field between the far and the near ends of sixteen edges.
-LANES_INLINE void gather(const int (*edge)[2], int count, const real *field, lanes out[3])
+// Records of a step, part of the scratch: displacement, velocity and guess of the nodes; pull and g of the edges; sums
+// of the cells at the nodes, 0 between two uses. The search direction takes the place of the displacement.
+typedef struct records {
+    real *node[3], *edge[2], *sum[3];
+} records;
+
+LANES_INLINE records records_of(const tables *t, const kn_work *work)
 {
-    _Alignas(64) real gap[3][KN_LANES] = {{0}};
-    for (int l = 0; l < count; l++)
-        for (int k = 0; k < 3; k++) gap[k][l] = field[3 * edge[l][1] + k] - field[3 * edge[l][0] + k];
-    for (int k = 0; k < 3; k++) out[k] = lanes_load(gap[k]);
+    const size_t nodes = (size_t)t->rows * KN_LANES * RECORD, edges = ((size_t)t->batches * KN_LANES + 1) * RECORD;
+    real *node = work->records, *edge = node + 3 * nodes, *sum = edge + 2 * edges;
+    return (records){{node, node + nodes, node + 2 * nodes}, {edge, edge + edges}, {sum, sum + nodes, sum + 2 * nodes}};
 }
 
-// Add g g' to the symmetric block p.
-static void block_add(real p[6], const real g[3])
+LANES_INLINE void load_nodes(const real *field, int row, lanes out[3])
 {
-    for (int c = 0, m = 0; c < 3; c++)
-        for (int k = c; k < 3; k++, m++) p[m] += g[c] * g[k];
+    for (int k = 0; k < 3; k++) out[k] = lanes_load(field + at(1, row, 3, k, 0));
 }
 
-// Add the forces of sixteen edges to the residual and their stiffness to the diagonal blocks of both ends. Store the
-// vectors g for the matrix products.
-static void scatter(const kn_work *work, const int (*edge)[2], int count, int at, const lanes n[3], lanes tension,
-                    lanes root)
+// Write the records of all nodes. Return whether the guess differs from the last velocity at any node.
+static bool write_nodes(const tables *t, const kn_state *state, const kn_work *work, const records *to, bool again)
 {
-    _Alignas(64) real unit[3][KN_LANES], pull[KN_LANES], g_[KN_LANES];
-    real *r = work->r, *p = work->p;
-    for (int k = 0; k < 3; k++) lanes_store(unit[k], n[k]);
-    lanes_store(pull, tension);
-    lanes_store(g_, root);
-    for (int l = 0; l < count; l++) {
-        real *g = (real *)work->g + 3 * (at + l);
-        for (int k = 0; k < 3; k++) {
-            g[k] = g_[l] * unit[k][l];
-            r[3 * edge[l][0] + k] += pull[l] * unit[k][l];
-            r[3 * edge[l][1] + k] -= pull[l] * unit[k][l];
-        }
-        block_add(p + 6 * edge[l][0], g);
-        block_add(p + 6 * edge[l][1], g);
-    }
-}
-
-// Linearise sixteen edges, and add their forces and stiffness to their nodes.
-LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const kn_work *work, const tables *t, int batch,
-                             kn_law_kind kind, bool stroke, kn_linearization how, bool again)
-{
-    size_t at = (size_t)batch * KN_LANES;
-    const int(*edge)[2] = (const int(*)[2])t->ends + at;
-    int count = t->edges - (int)at < KN_LANES ? t->edges - (int)at : KN_LANES;
     bool afresh = again;
-    // evaluate the law twice if the guess differs from the last velocity at any end of an edge
-    for (int l = 0; l < count; l++) afresh = afresh || work->row_moved[edge[l][0]] || work->row_moved[edge[l][1]];
+    for (int row = 0; row < t->rows; row++) afresh = afresh || work->row_moved[row];
+    const real *field[3] = {state->displacement, state->velocity, work->guess};
+    for (int row = 0; row < t->rows; row++)
+        for (int f = 0; f < (afresh || t->cells > 0 ? 3 : 2); f++) {
+            lanes v[3];
+            load_nodes(field[f], row, v);
+            lanes_put(to->node[f] + (size_t)row * KN_LANES * RECORD, v);
+        }
+    return afresh;
+}
 
-    // gather the geometry, evaluate the law, scatter the results
+// Compute the differences of a field between the upper and the lower ends of sixteen edges.
+LANES_INLINE void difference(const real *node, const int ends[2][KN_LANES], lanes out[3])
+{
+    lanes low[3], high[3];
+    lanes_fetch(node, ends[0], low);
+    lanes_fetch(node, ends[1], high);
+    for (int k = 0; k < 3; k++) out[k] = lanes_sub(high[k], low[k]);
+}
+
+// Return whether the guess differs from the last velocity in a row with an end of sixteen edges.
+static bool batch_moved(const tables *t, const kn_work *work, int batch)
+{
+    bool moved = false;
+    for (int l = 0; l < 2 * KN_LANES; l++)
+        moved = moved || work->row_moved[t->ends[batch][l / KN_LANES][l % KN_LANES] / (RECORD * KN_LANES)];
+    return moved;
+}
+
+// Linearise sixteen edges, and leave their pull and their vector g for the nodes.
+LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const tables *t, const records *x, int batch,
+                             kn_law_kind kind, bool stroke, kn_linearization how, bool afresh, bool again)
+{
+    const size_t at16 = (size_t)batch * KN_LANES;
     bars x16;
-    x16.scale = lanes_load(t->scale + at);
-    for (int k = 0; k < 3; k++) x16.rest[k] = lanes_load(t->rest + 3 * at + (size_t)k * KN_LANES);
-    gather(edge, count, state->displacement, x16.shift);
-    gather(edge, count, state->velocity, x16.dv);
+    x16.scale = lanes_load(t->scale + at16);
+    for (int k = 0; k < 3; k++) x16.rest[k] = lanes_load(t->rest + 3 * at16 + (size_t)k * KN_LANES);
+    difference(x->node[0], (const int(*)[KN_LANES])t->ends[batch], x16.shift);
+    difference(x->node[1], (const int(*)[KN_LANES])t->ends[batch], x16.dv);
     bars_direct(&t->law, &x16);
     lanes wanted = x16.rate;
     if (afresh) {
         lanes dg[3];
-        gather(edge, count, work->guess, dg);
+        difference(x->node[2], (const int(*)[KN_LANES])t->ends[batch], dg);
         wanted = dot(x16.n, dg);
     }
-    lanes stress, root;
-    real *strain = kind == KN_LAW_VOIGT ? NULL : (real *)state->strain + at;
-    bars_law(model, &t->law, &x16, kind, stroke, how, wanted, afresh, again, t->here + at, strain, &stress, &root);
-    scatter(work, edge, count, (int)at, x16.n, lanes_mul(stress, lanes_load(t->area + at)),
-            lanes_mul(root, lanes_load(t->root + at)));
+    lanes stress, root, pull[3], g[3];
+    real *strain = kind == KN_LAW_VOIGT ? NULL : (real *)state->strain + at16;
+    bars_law(model, &t->law, &x16, kind, stroke, how, wanted, afresh, again, t->here + at16, strain, &stress, &root);
+    stress = lanes_mul(stress, lanes_load(t->area + at16));
+    root = lanes_mul(root, lanes_load(t->root + at16));
+    for (int k = 0; k < 3; k++) {
+        pull[k] = lanes_mul(stress, x16.n[k]);
+        g[k] = lanes_mul(root, x16.n[k]);
+    }
+    lanes_put(x->edge[0] + RECORD * at16, pull);
+    lanes_put(x->edge[1] + RECORD * at16, g);
 }
 
-static real multiply_block(const real p[6], const real r[3], real z[3])
+// Add what the edges have left for the nodes of one row, and store the vectors g in the order of the turns.
+LANES_INLINE void gather_edges(const tables *t, const fields *f, const records *x, int row)
 {
-    z[0] = p[0] * r[0] + p[1] * r[1] + p[2] * r[2];
-    z[1] = p[1] * r[0] + p[3] * r[1] + p[4] * r[2];
-    z[2] = p[2] * r[0] + p[4] * r[1] + p[5] * r[2];
-    return z[0] * r[0] + z[1] * r[1] + z[2] * r[2];
-}
-
-// Invert the symmetric block m in place, by its cofactors.
-static void invert_block(real m[6])
-{
-    real p[6] = {m[3] * m[5] - m[4] * m[4], m[2] * m[4] - m[1] * m[5], m[1] * m[4] - m[2] * m[3],
-                 m[0] * m[5] - m[2] * m[2], m[1] * m[2] - m[0] * m[4], m[0] * m[3] - m[1] * m[1]};
-    real inverse = 1 / (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]);
-    for (int k = 0; k < 6; k++) m[k] = p[k] * inverse;
-}
-
-// Finish a node after all of its edges have been added: add mass and weight, apply constraints, invert the block,
-// compute z. Return r.z.
-static double finish_node(const kn_state *state, const kn_work *work, const tables *t, int node, bool again)
-{
-    static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
-    const real *v = (const real *)state->velocity + 3 * node, *guess = (const real *)work->guess + 3 * node;
-    const real *loose = (const real *)work->free + 3 * node;
-    real *r = (real *)work->r + 3 * node, *z = (real *)work->z + 3 * node, *p = (real *)work->p + 6 * node;
-    for (int k = 0; k < 3; k++) p[diagonal[k]] += t->mass_dt[node];
-    r[2] -= t->weight[node];
-    // add the inertia force if the guessed velocity differs from the last velocity
-    if (work->row_moved[node] || again)
-        for (int k = 0; k < 3; k++) r[k] += t->mass_dt[node] * (v[k] - guess[k]);
-    // clear the rows and columns of prescribed components, so that the inverse acts on free components only
-    if (work->row_held[node])
+    lanes pull[3], block[6];
+    for (int k = 0; k < 3; k++) pull[k] = lanes_load(f->r + at(1, row, 3, k, 0));
+    for (int k = 0; k < 6; k++) block[k] = lanes_load(f->p + at(1, row, 6, k, 0));
+    for (int turn = t->first[row]; turn < t->first[row + 1]; turn++) {
+        const lanes sign = lanes_load(t->sign + (size_t)turn * KN_LANES);
+        lanes each[3], g[3];
+        lanes_fetch(x->edge[0], t->edge[turn], each);
+        lanes_fetch(x->edge[1], t->edge[turn], g);
         for (int k = 0; k < 3; k++) {
-            p[pair[k][0]] *= loose[pair[k][1]] * loose[pair[k][2]];
-            if (loose[k] < (real)0.5) p[diagonal[k]] = 1;
+            pull[k] = lanes_fma(sign, each[k], pull[k]);
+            lanes_store(f->g + at(1, turn, 3, k, 0), g[k]);
         }
-    invert_block(p);
-    if (work->row_held[node])
-        for (int k = 0; k < 3; k++) p[diagonal[k]] *= loose[k];
-    return (double)multiply_block(p, r, z);
+        for (int c = 0, m = 0; c < 3; c++)
+            for (int k = c; k < 3; k++, m++) block[m] = lanes_fma(g[c], g[k], block[m]);
+    }
+    for (int k = 0; k < 3; k++) lanes_store(f->r + at(1, row, 3, k, 0), pull[k]);
+    for (int k = 0; k < 6; k++) lanes_store(f->p + at(1, row, 6, k, 0), block[k]);
 }
 
-LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_work *work, kn_law_kind kind,
-                              bool stroke, kn_linearization how, bool again)
+static double finish_rows(const tables *t, const kn_state *state, const kn_work *work, const records *x, bool again)
 {
-    const tables *t = model->tables;
-    double sum = 0;
-    for (int b = 0; b < t->batches; b++) edge_batch(model, state, work, t, b, kind, stroke, how, again);
-    for (int i = 0; i < t->nodes; i++) sum += finish_node(state, work, t, i, again);
-    return sum;
+    const fields f = fields_of(state, work, 1);
+    double total = 0;
+    for (int row = 0; row < t->rows;) {
+        const int end = row + ROWS_TOGETHER < t->rows ? row + ROWS_TOGETHER : t->rows;
+        lanes sum = lanes_set(0);
+        for (; row < end; row++) {
+            const size_t o = (size_t)row * KN_LANES;
+            gather_edges(t, &f, x, row);
+            sum = lanes_add(
+                sum, finish_nodes(&f, work, row, 0, lanes_load(t->mass_dt + o), lanes_load(t->weight + o), again));
+        }
+        total += lanes_sum(sum);
+    }
+    return total;
 }
 
 // --- pressure in the elements ---------------------------------------------------------------------------------------
 
-// The gas of a net, one element at a time; core/cell.h has the equations. The volume of an element is 1/6 of the triple
-// product of its three sides at the first corner. A side is its rest vector plus its change, as for edges.
+// The gas of a net; core/cell.h has the equations. The volume of an element is 1/6 of the triple product of its three
+// sides at the first corner. A side is its rest vector plus its change, as for edges. The elements' shapes are computed
+// sixteen at a time. Then each element adds to the records of its corners, one element after the other.
+typedef real record __attribute__((vector_size(RECORD * sizeof(real)), may_alias, aligned(4 * sizeof(real))));
+#define RECORD_AT(p, offset) ((record *)(void *)((p) + (offset)))
 
-typedef struct element { // volume of one element in its present shape
-    real slope[4][3];    // dV/dx of the element's corners [m^2]
-    real j;              // J = V/V0, volume relative to the volume at rest
-} element;
+typedef struct elements { // sixteen elements in their present shape
+    lanes slope[4][3];    // dV/dx of the corners [m^2]
+    lanes j;              // J = V/V0, volume relative to the volume at rest
+} elements;
 
 // Set the slope of a corner to factor (a x b), and subtract it from the slope of the first corner. `factor`: 1/6, or
 // half the thickness of a flat element.
-LANES_INLINE void add_slope(element *x, int corner, const real a[3], const real b[3], real factor)
+LANES_INLINE void add_slope(elements *x, int corner, const lanes a[3], const lanes b[3], lanes factor)
 {
     for (int k = 0; k < 3; k++) {
-        int u = (k + 1) % 3, v = (k + 2) % 3;
-        x->slope[corner][k] = factor * (a[u] * b[v] - a[v] * b[u]);
-        x->slope[0][k] -= x->slope[corner][k];
+        const int u = (k + 1) % 3, v = (k + 2) % 3;
+        x->slope[corner][k] = lanes_mul(factor, lanes_fnma(a[v], b[u], lanes_mul(a[u], b[v])));
+        x->slope[0][k] = lanes_sub(x->slope[0][k], x->slope[corner][k]);
     }
 }
 
-// Compute J = V/V0 of one element and the derivatives dV/dx (slopes) with respect to its corners' positions.
-LANES_INLINE element element_of(const tables *t, const real *displacement, int cell)
+LANES_INLINE elements elements_of(const tables *t, const records *node, int batch)
 {
-    // third side of a flat element; it points along -y, because the corners 0, 1, 2 turn from x to z
-    static const real across[3] = {0, -1, 0};
-    const int *corner = t->corner[cell];
-    real side[3][3];
-    element x = {.slope = {{0}}};
+    const lanes zero = lanes_set(0), factor = lanes_set(t->sixth);
+    const real *rest = t->side + (size_t)batch * 9 * KN_LANES;
+    lanes at[4][3], side[3][3];
+    elements x = {.slope = {{zero, zero, zero}}};
+    for (int i = 0; i <= t->sides; i++) lanes_fetch(node->node[0], t->corner[batch][i], at[i]);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
-            side[i][k] = t->flat && i == 2 ? across[k]
-                                           : t->side[9 * cell + 3 * i + k] + displacement[3 * corner[i + 1] + k] -
-                                                 displacement[3 * corner[0] + k];
-    add_slope(&x, 1, side[1], side[2], t->sixth);
-    add_slope(&x, 2, side[2], side[0], t->sixth);
-    if (!t->flat) add_slope(&x, 3, side[0], side[1], t->sixth);
-    real volume = 0;
-    for (int k = 0; k < 3; k++) volume += side[0][k] * x.slope[1][k];
-    x.j = volume * t->inverse_volume[cell];
+            // the third side of a flat element points along -y, because the corners 0, 1, 2 turn from x to z
+            side[i][k] = i == t->sides ? lanes_set(k == 1 ? -1 : 0)
+                                       : lanes_add(lanes_load(rest + (size_t)(3 * i + k) * KN_LANES),
+                                                   lanes_sub(at[i + 1][k], at[0][k]));
+    add_slope(&x, 1, side[1], side[2], factor);
+    add_slope(&x, 2, side[2], side[0], factor);
+    if (t->sides == 3) add_slope(&x, 3, side[0], side[1], factor);
+    x.j = lanes_mul(dot(side[0], x.slope[1]), lanes_load(t->inverse_volume + (size_t)batch * KN_LANES));
     return x;
 }
 
-// Compute the relative overpressure (P - P0)/P0 at the end of the step, and the slope -d(P/P0)/dJ. `rate`: dJ/dt.
-static void gas(const tables *t, real j, real rate, real *over, real *slope)
+// Return the number of elements in a batch.
+static int elements_in(const tables *t, int batch)
 {
-    real held = j > (real)KN_CELL_LEAST ? j : (real)KN_CELL_LEAST;
-    *slope = 1 / (held * held);
-    *over = (1 - held) / held + (held - j) * *slope - t->law.dt * rate * *slope;
+    return t->cells - batch * KN_LANES < KN_LANES ? t->cells - batch * KN_LANES : KN_LANES;
 }
 
-// Add the gas forces at the end of the step to the residual of the corners of every cell. Add the slope of the pressure
-// to the corners' diagonal blocks, and store the vectors g for the matrix products.
-static void cells_add(const kn_work *work, const tables *t, const real *displacement)
+// Compute the gas of sixteen elements. Store the vectors g of their corners for the matrix products, [corner][16
+// records]. Return the pull along g.
+LANES_INLINE lanes gas_batch(const tables *t, const records *node, int batch, real *kept)
 {
-    real *r = work->r, *p = work->p, *kept = work->cell;
-    const real *guess = work->guess;
-    for (int c = 0; c < t->cells; c++) {
-        element x = element_of(t, displacement, c);
-        real rate = 0, over, slope;
-        for (int i = 0; i <= t->sides; i++)
-            for (int k = 0; k < 3; k++) rate += x.slope[i][k] * guess[3 * t->corner[c][i] + k];
-        gas(t, x.j, rate * t->inverse_volume[c], &over, &slope);
-        real root = (real)sqrt((double)(t->law.dt * t->outside * slope * t->inverse_volume[c]));
-        for (int i = 0; i <= t->sides; i++) {
-            real *g = kept + 12 * c + 3 * i;
-            for (int k = 0; k < 3; k++) {
-                g[k] = root * x.slope[i][k];
-                r[3 * t->corner[c][i] + k] += t->outside * over * x.slope[i][k];
-            }
-            block_add(p + 6 * t->corner[c][i], g);
-        }
+    const elements x = elements_of(t, node, batch);
+    const lanes one = lanes_set(1), inverse = lanes_load(t->inverse_volume + (size_t)batch * KN_LANES);
+    lanes rate = lanes_set(0);
+    for (int i = 0; i <= t->sides; i++) {
+        lanes v[3];
+        lanes_fetch(node->node[2], t->corner[batch][i], v);
+        rate = lanes_add(rate, dot(x.slope[i], v));
     }
+    // over = (P - P0)/P0 at the end of the step, slope = -d(P/P0)/dJ
+    const lanes held = lanes_max(x.j, lanes_set((real)KN_CELL_LEAST)), i1 = lanes_div(one, held);
+    const lanes slope = lanes_mul(i1, i1), step = lanes_mul(lanes_set(t->law.dt), lanes_mul(rate, inverse));
+    const lanes over = lanes_fma(lanes_sub(lanes_sub(held, x.j), step), slope, lanes_mul(lanes_sub(one, held), i1));
+    const lanes root = lanes_sqrt(lanes_mul(lanes_set(t->law.dt * t->outside), lanes_mul(slope, inverse)));
+    for (int i = 0; i <= t->sides; i++) {
+        lanes g[3];
+        for (int k = 0; k < 3; k++) g[k] = lanes_mul(root, x.slope[i][k]);
+        lanes_put(kept + (size_t)i * KN_LANES * RECORD, g);
+    }
+    return lanes_div(lanes_mul(lanes_set(t->outside), over), root);
+}
+
+// Add the records of all nodes to a field of 3 components, and clear them.
+static void collect(const tables *t, real *sums, real *field, int components, int first)
+{
+    static const int own[KN_LANES] = {0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 52, 56, 60};
+    for (int row = 0; row < t->rows; row++, sums += KN_LANES * RECORD) {
+        lanes v[3];
+        lanes_fetch(sums, own, v);
+        for (int k = 0; k < 3; k++) store_add(field + at(1, row, components, first + k, 0), v[k]);
+        memset(sums, 0, KN_LANES * RECORD * sizeof *sums);
+    }
+}
+
+// Add the gas forces at the end of the step to the residual of the corners of every cell, and the slope of the pressure
+// to the corners' diagonal blocks.
+static void cells_add(const kn_work *work, const tables *t, const records *x)
+{
+    for (int b = 0; b * KN_LANES < t->cells; b++) {
+        real *kept = (real *)work->cell + (size_t)b * 4 * KN_LANES * RECORD;
+        _Alignas(64) real push[KN_LANES];
+        lanes_store(push, gas_batch(t, x, b, kept));
+        for (int l = 0; l < elements_in(t, b); l++)
+            for (int i = 0; i <= t->sides; i++) {
+                const int corner = t->corner[b][i][l];
+                const record g = *RECORD_AT(kept, (i * KN_LANES + l) * RECORD);
+                const record low = {g[1], g[1], g[2], 0}, high = {g[1], g[2], g[2], 0};
+                *RECORD_AT(x->sum[0], corner) += push[l] * g;
+                *RECORD_AT(x->sum[1], corner) += g[0] * g;   // xx xy xz
+                *RECORD_AT(x->sum[2], corner) += low * high; // yy yz zz
+            }
+    }
+    collect(t, x->sum[0], work->r, 3, 0);
+    collect(t, x->sum[1], work->p, 6, 0);
+    collect(t, x->sum[2], work->p, 6, 3);
+}
+
+// Return the scalar product of two fields, summed row by row.
+static double field_dot(const tables *t, const real *a, const real *b)
+{
+    double sum = 0;
+    for (int row = 0; row < t->rows; row++) {
+        lanes x[3], y[3];
+        load_nodes(a, row, x);
+        load_nodes(b, row, y);
+        sum += lanes_sum(dot(x, y));
+    }
+    return sum;
 }
 
 // Do the work of cells_add with one pressure for the whole object. First sum the volumes, and sum dV/dx of every node
-// in work->cell, an array [nodes][3].
-static void object_add(const kn_work *work, const tables *t, const real *displacement)
+// in work->cell, a field of 3 components.
+static void object_add(const kn_work *work, const tables *t, const records *x)
 {
     real *r = work->r, *p = work->p, *kept = work->cell;
-    const real *guess = work->guess;
-    double volume = 0, rate = 0;
-    real over, slope;
-    memset(kept, 0, 3 * (size_t)t->nodes * sizeof *kept);
-    for (int c = 0; c < t->cells; c++) {
-        element x = element_of(t, displacement, c);
-        volume += (double)x.j / (double)t->inverse_volume[c];
-        for (int i = 0; i <= t->sides; i++)
-            for (int k = 0; k < 3; k++) kept[3 * t->corner[c][i] + k] += x.slope[i][k];
+    double volume = 0;
+    for (int b = 0; b * KN_LANES < t->cells; b++) {
+        _Alignas(64) real j[KN_LANES], slope[4][KN_LANES * RECORD];
+        const elements each = elements_of(t, x, b);
+        lanes_store(j, each.j);
+        for (int i = 0; i <= t->sides; i++) lanes_put(slope[i], each.slope[i]);
+        for (int l = 0; l < elements_in(t, b); l++) {
+            volume += (double)j[l] / (double)t->inverse_volume[b * KN_LANES + l];
+            for (int i = 0; i <= t->sides; i++)
+                *RECORD_AT(x->sum[0], t->corner[b][i][l]) += *RECORD_AT(slope[i], l * RECORD);
+        }
     }
-    // rate: dV/dt at the guessed velocities
-    for (int i = 0; i < 3 * t->nodes; i++) rate += (double)(kept[i] * guess[i]);
-    gas(t, (real)(volume / t->volume), (real)(rate / t->volume), &over, &slope);
-    real root = (real)sqrt((double)(t->law.dt * t->outside * slope) / t->volume);
-    for (int i = 0; i < 3 * t->nodes; i++) {
-        r[i] += t->outside * over * kept[i];
-        kept[i] *= root;
+    memset(kept, 0, at(1, t->rows, 3, 0, 0) * sizeof *kept);
+    collect(t, x->sum[0], kept, 3, 0);
+    // dV/dt at the guessed velocities; over and slope as in gas_batch
+    const double rate = field_dot(t, kept, work->guess) / t->volume, whole = volume / t->volume;
+    const double held = fmax(whole, KN_CELL_LEAST), slope = 1 / (held * held), dt = (double)t->law.dt;
+    const double over = (1 - held) / held + (held - whole - dt * rate) * slope;
+    const lanes push = lanes_set((real)((double)t->outside * over));
+    const lanes root = lanes_set((real)sqrt(dt * (double)t->outside * slope / t->volume));
+    for (int row = 0; row < t->rows; row++) {
+        lanes g[3];
+        load_nodes(kept, row, g);
+        for (int k = 0; k < 3; k++) {
+            store_add(r + at(1, row, 3, k, 0), lanes_mul(push, g[k]));
+            g[k] = lanes_mul(root, g[k]);
+            lanes_store(kept + at(1, row, 3, k, 0), g[k]);
+        }
+        for (int c = 0, m = 0; c < 3; c++)
+            for (int k = c; k < 3; k++, m++) store_add(p + at(1, row, 6, m, 0), lanes_mul(g[c], g[k]));
     }
-    for (int i = 0; i < t->nodes; i++) block_add(p + 6 * i, kept + 3 * i);
 }
 
 // Add g (g.d) of every cell to q, where g is the vector of a cell and d the search direction. Return the gas's part of
 // d.q.
-static double cells_product(const kn_work *work, const tables *t)
+static double cells_product(const kn_work *work, const tables *t, const records *x)
 {
-    const real *d = work->d, *kept = work->cell;
-    real *q = work->q;
     double sum = 0;
-    for (int c = 0; c < t->cells; c++) {
-        const real *g = kept + 12 * c;
-        real rate = 0;
-        for (int i = 0; i <= t->sides; i++)
-            for (int k = 0; k < 3; k++) rate += g[3 * i + k] * d[3 * t->corner[c][i] + k];
-        for (int i = 0; i <= t->sides; i++)
-            for (int k = 0; k < 3; k++) q[3 * t->corner[c][i] + k] += g[3 * i + k] * rate;
-        sum += (double)rate * (double)rate;
+    for (int b = 0; b * KN_LANES < t->cells; b++) {
+        const real *kept = (const real *)work->cell + (size_t)b * 4 * KN_LANES * RECORD;
+        for (int l = 0; l < elements_in(t, b); l++) {
+            const real *g = kept + l * RECORD;
+            record each = {0};
+            for (int i = 0; i <= t->sides; i++)
+                each += *RECORD_AT(g, i * KN_LANES * RECORD) * *RECORD_AT(x->node[0], t->corner[b][i][l]);
+            const real rate = each[0] + each[1] + each[2];
+            for (int i = 0; i <= t->sides; i++)
+                *RECORD_AT(x->sum[0], t->corner[b][i][l]) += *RECORD_AT(g, i * KN_LANES * RECORD) * rate;
+            sum += (double)rate * (double)rate;
+        }
     }
+    collect(t, x->sum[0], work->q, 3, 0);
     return sum;
 }
 
 // Do the work of cells_product with one pressure for the whole object.
 static double object_product(const kn_work *work, const tables *t)
 {
-    const real *d = work->d, *kept = work->cell;
+    const real *kept = work->cell;
     real *q = work->q;
-    double rate = 0;
-    for (int i = 0; i < 3 * t->nodes; i++) rate += (double)(kept[i] * d[i]);
-    for (int i = 0; i < 3 * t->nodes; i++) q[i] += kept[i] * (real)rate;
+    const double rate = field_dot(t, kept, work->d);
+    for (size_t o = 0; o < at(1, t->rows, 3, 0, 0); o += KN_LANES)
+        store_add(q + o, lanes_mul(lanes_load(kept + o), lanes_set((real)rate)));
     return rate * rate;
 }
 
 // --- the kernels ----------------------------------------------------------------------------------------------------
 
+LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_work *work, kn_law_kind kind,
+                              bool stroke, kn_linearization how, bool again)
+{
+    const tables *t = model->tables;
+    const records x = records_of(t, work);
+    const bool afresh = write_nodes(t, state, work, &x, again);
+    if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(work, t, &x);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(work, t, &x);
+    for (int b = 0; b < t->batches; b++)
+        edge_batch(model, state, t, &x, b, kind, stroke, how, afresh && (again || batch_moved(t, work, b)), again);
+    return finish_rows(t, state, work, &x, again);
+}
+
 static double edge(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how, bool again)
 {
     const tables *t = model->tables;
-    if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(work, t, state->displacement);
-    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(work, t, state->displacement);
     // each law without stops has a loop of its own; laws with stops share one
     if (model->law.stroke) return edge_pass(model, state, work, t->law.kind, true, how, again);
     switch (t->law.kind) {
@@ -389,77 +542,151 @@ static double edge(const kn_model *model, kn_state *state, const kn_work *work, 
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
 
-// Set z to the last step's change of velocity at free components. Return r.z.
 static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
 {
-    const tables *t = model->tables;
-    const real *change = state->change, *r = work->r, *free = work->free;
-    real *z = work->z;
-    double sum = 0;
-    for (int i = 0; i < 3 * t->nodes; i++) {
-        z[i] = change[i] * free[i];
-        sum += (double)(r[i] * z[i]);
+    return recall_nodes(state, work, model->row_count, ROWS_TOGETHER, 1);
+}
+
+// Add the products of all edges of the nodes of a row: g (g . gap), where `gap` is the difference of the search
+// direction between the node and the other end. Return d.q for each lane.
+LANES_INLINE lanes product_row(const tables *t, const fields *f, const real *direction, int row)
+{
+    const lanes mass = lanes_load(t->mass_dt + (size_t)row * KN_LANES);
+    lanes d[3], q[3], sum = lanes_set(0);
+    load_nodes(f->d, row, d);
+    for (int k = 0; k < 3; k++) q[k] = lanes_mul(mass, d[k]);
+    for (int turn = t->first[row]; turn < t->first[row + 1]; turn++) {
+        lanes g[3], gap[3], other[3];
+        lanes_fetch(direction, t->other[turn], other);
+        for (int k = 0; k < 3; k++) {
+            g[k] = lanes_load(f->g + at(1, turn, 3, k, 0));
+            gap[k] = lanes_sub(d[k], other[k]);
+        }
+        const lanes force = dot(g, gap);
+        for (int k = 0; k < 3; k++) q[k] = lanes_fma(g[k], force, q[k]);
+    }
+    for (int k = 0; k < 3; k++) {
+        lanes_store(f->q + at(1, row, 3, k, 0), q[k]);
+        sum = lanes_fma(d[k], q[k], sum);
     }
     return sum;
 }
 
 static double apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
 {
-    (void)state;
     const tables *t = model->tables;
-    real *d = work->d, *q = work->q;
-    const real *g = work->g, *z = work->z;
-    for (int i = 0; i < 3 * t->nodes; i++) d[i] = z[i] + (real)beta * d[i];
-    double sum = 0;
-    // add the products of the edges, one lower node after the other; the sums of a lower node stay in registers, those
-    // of upper nodes are in memory
-    for (int i = 0; i < t->nodes; i++) {
-        const real own[3] = {d[3 * i], d[3 * i + 1], d[3 * i + 2]};
-        real mine[3] = {t->mass_dt[i] * own[0], t->mass_dt[i] * own[1], t->mass_dt[i] * own[2]};
-        for (int e = t->first[i]; e < t->first[i + 1]; e++) {
-            const real *n = g + 3 * e, *far = d + 3 * t->ends[e][1];
-            real force = n[0] * (own[0] - far[0]) + n[1] * (own[1] - far[1]) + n[2] * (own[2] - far[2]);
-            real *other = q + 3 * t->ends[e][1];
-            for (int k = 0; k < 3; k++) {
-                mine[k] += n[k] * force;
-                other[k] -= n[k] * force;
-            }
-        }
-        // all edges from lower nodes have been added, so the sum of this node is complete
-        for (int k = 0; k < 3; k++) {
-            q[3 * i + k] += mine[k];
-            sum += (double)(own[k] * q[3 * i + k]);
-        }
+    const fields f = fields_of(state, work, 1);
+    const records x = records_of(t, work);
+    for (int row = 0; row < t->rows; row++) {
+        lanes d[3];
+        next_direction(&f, row, (real)beta);
+        load_nodes(f.d, row, d);
+        lanes_put(x.node[0] + (size_t)row * KN_LANES * RECORD, d);
     }
-    if (model->def.pressure == KN_PRESSURE_CELLS) sum += cells_product(work, t);
-    if (model->def.pressure == KN_PRESSURE_OBJECT) sum += object_product(work, t);
-    return sum;
+    double total = 0;
+    for (int row = 0; row < t->rows;) {
+        const int end = row + ROWS_TOGETHER < t->rows ? row + ROWS_TOGETHER : t->rows;
+        lanes sum = lanes_set(0);
+        for (; row < end; row++) sum = lanes_add(sum, product_row(t, &f, x.node[0], row));
+        total += lanes_sum(sum);
+    }
+    if (model->def.pressure == KN_PRESSURE_CELLS) total += cells_product(work, t, &x);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) total += object_product(work, t);
+    return total;
 }
 
 static double update(const kn_model *model, const kn_work *work, double alpha)
 {
-    const tables *t = model->tables;
-    const real a = (real)alpha, *d = work->d, *p = work->p;
-    real *guess = work->guess, *r = work->r, *q = work->q, *z = work->z;
-    double sum = 0;
-    for (int i = 0; i < 3 * t->nodes; i++) {
-        guess[i] += a * d[i];
-        r[i] -= a * q[i];
-        q[i] = 0; // clear q for the next product A d
-    }
-    for (int i = 0; i < t->nodes; i++) sum += (double)multiply_block(p + 6 * i, r + 3 * i, z + 3 * i);
-    return sum;
+    return update_nodes(work, alpha, model->row_count, ROWS_TOGETHER, 1);
 }
 
 static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
 {
+    integrate_nodes(state, work, ((const tables *)model->tables)->law.dt, model->row_count, 1);
+}
+
+// --- coarse level ---------------------------------------------------------------------------------------------------
+
+// Weights of the eight coarse nodes of a cell at the nodes of a row. Corner c is one node further along x, y, z if the
+// bits 0, 1, 2 of c are set.
+LANES_INLINE void corner_weights(const tables *t, int row, lanes weight[8])
+{
+    const real *place = t->coarse_place + (size_t)row * 4 * KN_LANES;
+    const lanes one = lanes_set(1), here = lanes_load(place + 3 * KN_LANES);
+    const lanes x = lanes_load(place), y = lanes_load(place + KN_LANES), z = lanes_load(place + 2 * KN_LANES);
+    const lanes along[2] = {lanes_sub(here, x), x}; // 0 where there is no node
+    for (int c = 0; c < 4; c++) {
+        const lanes both = lanes_mul(along[c & 1], c & 2 ? y : lanes_sub(one, y));
+        weight[c] = lanes_mul(both, lanes_sub(one, z));
+        weight[c + 4] = lanes_mul(both, z);
+    }
+}
+
+LANES_INLINE int corner_of(const tables *t, int row, int c)
+{
+    int node = t->coarse_cell[row];
+    for (int k = 0; k < 3; k++) node += (c >> k & 1) * t->coarse_step[k];
+    return 3 * node;
+}
+
+LANES_INLINE lanes free_value(const kn_work *work, const real *field, int row, int k)
+{
+    const size_t o = at(1, row, 3, k, 0);
+    const lanes value = lanes_load(field + o);
+    return work->row_held[row] ? lanes_mul(value, lanes_load((const real *)work->free + o)) : value;
+}
+
+// Sum three vectors over their lanes. As records their lanes can be added four at a time.
+LANES_INLINE void sum_lanes(const lanes v[3], real sum[3])
+{
+    _Alignas(64) real each[RECORD * KN_LANES];
+    lanes_put(each, v);
+    lanes all = lanes_add(lanes_load(each), lanes_load(each + KN_LANES));
+    all = lanes_add(all, lanes_add(lanes_load(each + 2 * KN_LANES), lanes_load(each + 3 * KN_LANES)));
+    lanes_store(each, all);
+    for (int k = 0; k < 3; k++) sum[k] = (each[k] + each[RECORD + k]) + (each[2 * RECORD + k] + each[3 * RECORD + k]);
+}
+
+static void restriction(const kn_model *model, const kn_work *work)
+{
     const tables *t = model->tables;
-    const real *guess = work->guess;
-    real *x = state->displacement, *v = state->velocity, *change = state->change;
-    for (int i = 0; i < 3 * t->nodes; i++) {
-        change[i] = guess[i] - v[i];
-        v[i] = guess[i];
-        x[i] += t->law.dt * guess[i];
+    real *to = work->coarse;
+    for (int row = 0; row < t->rows;) {
+        const int cell = row;
+        lanes sum[8][3];
+        for (int c = 0; c < 8; c++)
+            for (int k = 0; k < 3; k++) sum[c][k] = lanes_set(0);
+        // the rows of one cell follow one another
+        for (; row < t->rows && t->coarse_cell[row] == t->coarse_cell[cell]; row++) {
+            lanes weight[8], r[3];
+            corner_weights(t, row, weight);
+            for (int k = 0; k < 3; k++) r[k] = free_value(work, work->r, row, k);
+            for (int c = 0; c < 8; c++)
+                for (int k = 0; k < 3; k++) sum[c][k] = lanes_fma(weight[c], r[k], sum[c][k]);
+        }
+        for (int c = 0; c < 8; c++) {
+            real each[3];
+            sum_lanes(sum[c], each);
+            for (int k = 0; k < 3; k++) to[corner_of(t, cell, c) + k] += each[k];
+        }
+    }
+}
+
+static void prolongation(const kn_model *model, const kn_work *work)
+{
+    const tables *t = model->tables;
+    const fields f = {.z = work->z, .free = work->free};
+    const real *from = (const real *)work->coarse + model->coarse->padded;
+    for (int row = 0; row < t->rows; row++) {
+        lanes weight[8], v[3] = {lanes_set(0), lanes_set(0), lanes_set(0)};
+        corner_weights(t, row, weight);
+        for (int c = 0; c < 8; c++)
+            for (int k = 0; k < 3; k++) v[k] = lanes_fma(weight[c], lanes_set(from[corner_of(t, row, c) + k]), v[k]);
+        for (int k = 0; k < 3; k++) {
+            const size_t o = at(1, row, 3, k, 0);
+            if (work->row_held[row]) v[k] = lanes_mul(v[k], lanes_load(f.free + o));
+            store_add(f.z + o, v[k]);
+        }
     }
 }
 
@@ -471,5 +698,8 @@ const kn_kernels KN_KERNELS(net) = {
     .recall = recall,
     .apply = apply,
     .update = update,
+    .restriction = restriction,
+    .coarse_solve = coarse_solve,
+    .prolongation = prolongation,
     .integrate = integrate,
 };

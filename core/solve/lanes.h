@@ -213,6 +213,64 @@ LANES_INLINE lanes lanes_prev(lanes a)
 }
 #endif
 
+// Records of four reals, of which the first three are used. lanes_fetch loads sixteen records from anywhere, lanes_put
+// stores sixteen that follow one another; each lane belongs to one record.
+#if KN_KERNEL_F32 && (KN_KERNEL_AVX512 || KN_KERNEL_AVX2)
+// Row k of a square of 4 x 4 reals in each 128 bits: the records k, k + 4, ... of the native vector i.
+#define QUAD(i, k) _mm_load_ps(records + offset[W * i + k])
+#if KN_KERNEL_AVX512
+#define QUADS(i, k)                                                                                                    \
+    _mm512_insertf32x8(_mm512_castps256_ps512(_mm256_set_m128(QUAD(i, k + 4), QUAD(i, k))),                            \
+                       _mm256_set_m128(QUAD(i, k + 12), QUAD(i, k + 8)), 1)
+#define UNQUAD(a, j) _mm512_extractf32x4_ps(a, j)
+#else
+#define QUADS(i, k) _mm256_set_m128(QUAD(i, k + 4), QUAD(i, k))
+#define UNQUAD(a, j) _mm256_extractf128_ps(a, j)
+#endif
+#define FETCH(i)                                                                                                       \
+    native a##i = QUADS(i, 0), b##i = QUADS(i, 1), c##i = QUADS(i, 2), d##i = QUADS(i, 3);                             \
+    native ab##i = N(unpacklo)(a##i, b##i), cd##i = N(unpacklo)(c##i, d##i);                                           \
+    out[0].p##i = N(shuffle)(ab##i, cd##i, 0x44);                                                                      \
+    out[1].p##i = N(shuffle)(ab##i, cd##i, 0xee);                                                                      \
+    out[2].p##i = N(shuffle)(N(unpackhi)(a##i, b##i), N(unpackhi)(c##i, d##i), 0x44);
+LANES_INLINE void lanes_fetch(const real *records, const int offset[KN_LANES], lanes out[3]){EACH(FETCH)}
+
+#define PUT_ROW(i, k, a)                                                                                               \
+    _mm_store_ps(records + 4 * (W * i + k), UNQUAD(a, 0));                                                             \
+    _mm_store_ps(records + 4 * (W * i + k + 4), UNQUAD(a, 1));                                                         \
+    if (W == 16) {                                                                                                     \
+        _mm_store_ps(records + 4 * (W * i + k + 8), UNQUAD(a, 2 % (W / 4)));                                           \
+        _mm_store_ps(records + 4 * (W * i + k + 12), UNQUAD(a, 3 % (W / 4)));                                          \
+    }
+#define PUT(i)                                                                                                         \
+    {                                                                                                                  \
+        native zero = N(set1)(0);                                                                                      \
+        native xy = N(unpacklo)(v[0].p##i, v[1].p##i), z = N(unpacklo)(v[2].p##i, zero);                               \
+        PUT_ROW(i, 0, N(shuffle)(xy, z, 0x44))                                                                         \
+        PUT_ROW(i, 1, N(shuffle)(xy, z, 0xee))                                                                         \
+        xy = N(unpackhi)(v[0].p##i, v[1].p##i), z = N(unpackhi)(v[2].p##i, zero);                                      \
+        PUT_ROW(i, 2, N(shuffle)(xy, z, 0x44))                                                                         \
+        PUT_ROW(i, 3, N(shuffle)(xy, z, 0xee))                                                                         \
+    }
+LANES_INLINE void lanes_put(real *records, const lanes v[3]){EACH(PUT)}
+#else
+LANES_INLINE void lanes_fetch(const real *records, const int offset[KN_LANES], lanes out[3])
+{
+    _Alignas(64) real each[3][KN_LANES];
+    for (int l = 0; l < KN_LANES; l++)
+        for (int k = 0; k < 3; k++) each[k][l] = records[offset[l] + k];
+    for (int k = 0; k < 3; k++) out[k] = lanes_load(each[k]);
+}
+
+LANES_INLINE void lanes_put(real *records, const lanes v[3])
+{
+    _Alignas(64) real each[3][KN_LANES];
+    for (int k = 0; k < 3; k++) lanes_store(each[k], v[k]);
+    for (int l = 0; l < KN_LANES; l++)
+        for (int k = 0; k < 4; k++) records[4 * l + k] = k < 3 ? each[k][l] : 0;
+}
+#endif
+
 // Sum all lanes in double precision, in the fixed order of a binary tree, so that all machines give the same result.
 LANES_INLINE double lanes_sum(lanes a)
 {

@@ -174,8 +174,8 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, kn_work *work
 
 // --- deadline -------------------------------------------------------------------------------------------------------
 
-// Prices: estimated units of work for each part of a step. A price is per lane of a block (LANE, GAS, RIGID, COARSE), per edge
-// of a net (EDGE, GAS), per tied node (TIE), per sample (SAMPLE) or per held node (HOLD). LINE is one linearisation of
+// Prices: estimated units of work for each part of a step. A price is per lane (LANE, NET, GAS, RIGID, COARSE), per cell
+// of a net (CELL), per tied node (TIE), per sample (SAMPLE) or per held node (HOLD). LINE is one linearisation of
 // the law, ITERATION one iteration. The prices are nanoseconds on a Sapphire Rapids in f32, fitted to the ticks of
 // bench_strike. If a price is too small, steps with much of this part take longer than estimated. If a price is too
 // large, the deadline caps such steps too early.
@@ -183,10 +183,12 @@ enum {
     STEP = 10000,
     LANE_LINE = 45,
     LANE_ITERATION = 5,
-    EDGE_LINE = 44,
-    EDGE_ITERATION = 4,
+    NET_LINE = 42,
+    NET_ITERATION = 9,
     GAS_LINE = 20,
     GAS_ITERATION = 2,
+    CELL_LINE = 11,
+    CELL_ITERATION = 5,
     TIE_LINE = 50,
     TIE_ITERATION = 15, // per tied node and per iteration
     RIGID_LINE = 30,
@@ -211,11 +213,17 @@ enum {
 // so the rigid motions are not used (solver_implicit.c).
 static kn_deadline of_lattice(const kn_model *m, bool held)
 {
-    const int64_t lanes = (int64_t)kn_model_field(m, 1), parts = m->def.mesh ? m->edge_count : lanes;
-    kn_deadline d = {.line = parts * (m->def.mesh ? EDGE_LINE : LANE_LINE),
-                     .iteration = parts * (m->def.mesh ? EDGE_ITERATION : LANE_ITERATION)};
+    const int64_t lanes = (int64_t)kn_model_field(m, 1), cells = m->def.mesh ? m->cell_count : lanes;
+    const bool mesh = m->def.mesh != NULL;
+    kn_deadline d = {.line = lanes * (mesh ? NET_LINE : LANE_LINE),
+                     .iteration = lanes * (mesh ? NET_ITERATION : LANE_ITERATION)};
     // gas adds the work of the cells, and f64 takes twice the time of f32
-    if (m->def.pressure != KN_PRESSURE_NONE) d.line += parts * GAS_LINE, d.iteration += parts * GAS_ITERATION;
+    if (m->def.pressure != KN_PRESSURE_NONE) {
+        d.line += cells * (mesh ? CELL_LINE : GAS_LINE);
+        d.iteration += cells * (mesh ? CELL_ITERATION : GAS_ITERATION);
+    }
+    if (m->coarse)
+        d.iteration += lanes * COARSE_ITERATION + m->coarse->unknowns * (int64_t)m->coarse->padded / COARSE_UNIT;
     const bool f64 = m->def.solver.precision == KN_PRECISION_F64;
     if (f64) d.line *= F64_TIMES, d.iteration *= F64_TIMES;
     d.law = d.line / LAW;
@@ -223,8 +231,6 @@ static kn_deadline of_lattice(const kn_model *m, bool held)
     if (m->law.kind == KN_LAW_EXACT && !(f64 && kn_law_in_lanes(&m->law)))
         d.line += lanes * NEWTON_LINE, d.law += lanes * NEWTON_LINE;
     if (m->composite) d.line += kn_composite_tied(m) * TIE_LINE, d.iteration += kn_composite_tied(m) * TIE_ITERATION;
-    if (m->coarse)
-        d.iteration += lanes * COARSE_ITERATION + m->coarse->unknowns * (int64_t)m->coarse->padded / COARSE_UNIT;
     if (kn_rigid_wanted(m) && !held) d.line += lanes * RIGID_LINE, d.iteration += lanes * RIGID_ITERATION;
     return d;
 }

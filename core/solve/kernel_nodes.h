@@ -1,0 +1,221 @@
+#ifndef KN_CORE_SOLVE_KERNEL_NODES_H
+#define KN_CORE_SOLVE_KERNEL_NODES_H
+// What the kernels do at nodes, sixteen at a time: a row holds K vectors of nodes, in a net one. Sums over nodes are
+// added row by row within a block of rows, then block by block. A block of rows is a plane of a block of nodes.
+#include "core/solve/kernel_law.h"
+
+// Return the offset of vector k of component c of a row, in a field with C components.
+LANES_INLINE size_t at(int K, int row, int C, int c, int k)
+{
+    return (((size_t)row * (size_t)C + (size_t)c) * (size_t)K + (size_t)k) * KN_LANES;
+}
+
+LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_load(p), a)); }
+
+typedef struct fields { // the fields of a state and of the solver, with the type `real`
+    // K: number of vectors per row. If K is a constant 1, the compiler removes the branches from the loops.
+    int K;
+    const real *x, *v;
+    real *u, *guess, *r, *q, *d, *z, *p, *g;
+    const real *free;
+} fields;
+
+LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
+{
+    return (fields){K,
+                    state->displacement,
+                    state->velocity,
+                    state->strain,
+                    work->guess,
+                    work->r,
+                    work->q,
+                    work->d,
+                    work->z,
+                    work->p,
+                    work->g,
+                    work->free};
+}
+
+// Compute z = P r for the symmetric blocks P of sixteen nodes. Return r.z for each lane.
+LANES_INLINE lanes multiply_block(const lanes p[6], const lanes r[3], lanes z[3])
+{
+    z[0] = lanes_fma(p[2], r[2], lanes_fma(p[1], r[1], lanes_mul(p[0], r[0])));
+    z[1] = lanes_fma(p[4], r[2], lanes_fma(p[3], r[1], lanes_mul(p[1], r[0])));
+    z[2] = lanes_fma(p[5], r[2], lanes_fma(p[4], r[1], lanes_mul(p[2], r[0])));
+    return dot(r, z);
+}
+
+// Invert symmetric 3 x 3 blocks by their cofactors.
+LANES_INLINE void invert_block(const lanes m[6], lanes p[6])
+{
+    p[0] = lanes_fnma(m[4], m[4], lanes_mul(m[3], m[5]));
+    p[1] = lanes_fnma(m[1], m[5], lanes_mul(m[2], m[4]));
+    p[2] = lanes_fnma(m[2], m[3], lanes_mul(m[1], m[4]));
+    p[3] = lanes_fnma(m[2], m[2], lanes_mul(m[0], m[5]));
+    p[4] = lanes_fnma(m[0], m[4], lanes_mul(m[1], m[2]));
+    p[5] = lanes_fnma(m[1], m[1], lanes_mul(m[0], m[3]));
+    lanes determinant = lanes_fma(m[2], p[2], lanes_fma(m[1], p[1], lanes_mul(m[0], p[0])));
+    lanes inverse = lanes_div(lanes_set(1), determinant);
+    for (int i = 0; i < 6; i++) p[i] = lanes_mul(p[i], inverse);
+}
+
+// Finish vector k of a row after all of its edges have been added: add mass over dt and weight, apply constraints,
+// invert the blocks, compute z. Return r.z for each lane.
+LANES_INLINE lanes finish_nodes(const fields *f, const kn_work *work, int row, int k, lanes mass, lanes weight,
+                                bool again)
+{
+    // add mass over dt to the diagonal of every block
+    lanes m[6], p[6], r[3], z[3];
+    for (int i = 0; i < 3; i++) r[i] = lanes_load(f->r + at(f->K, row, 3, i, k));
+    for (int i = 0; i < 6; i++) m[i] = lanes_load(f->p + at(f->K, row, 6, i, k));
+    m[0] = lanes_add(m[0], mass);
+    m[3] = lanes_add(m[3], mass);
+    m[5] = lanes_add(m[5], mass);
+    r[2] = lanes_sub(r[2], weight);
+    // add inertia if the guess differs from the last velocity
+    if (work->row_moved[row] || again)
+        for (int i = 0; i < 3; i++) {
+            size_t o = at(f->K, row, 3, i, k);
+            r[i] = lanes_fma(mass, lanes_sub(lanes_load(f->v + o), lanes_load(f->guess + o)), r[i]);
+        }
+    if (work->row_held[row]) {
+        // keep the block without constraints, which a composite adds to the masters of tied nodes
+        for (int i = 0; work->whole && i < 6; i++) lanes_store((real *)work->whole + at(f->K, row, 6, i, k), m[i]);
+        static const int diagonal[3] = {0, 3, 5}, pair[3][3] = {{1, 0, 1}, {2, 0, 2}, {4, 1, 2}};
+        lanes loose[3], one = lanes_set(1);
+        for (int i = 0; i < 3; i++) loose[i] = lanes_load(f->free + at(f->K, row, 3, i, k));
+        // clear the rows and columns of prescribed components, so that the inverse acts on free components only
+        for (int i = 0; i < 3; i++) {
+            int o = pair[i][0];
+            m[o] = lanes_mul(m[o], lanes_mul(loose[pair[i][1]], loose[pair[i][2]]));
+            // the diagonal of a prescribed component becomes 1, so that the block can be inverted
+            m[diagonal[i]] = lanes_less(loose[i], lanes_set((real)0.5), one, m[diagonal[i]]);
+        }
+        // the diagonal of a prescribed component in the inverse becomes 0, so that the component never changes
+        invert_block(m, p);
+        for (int i = 0; i < 3; i++) p[diagonal[i]] = lanes_mul(p[diagonal[i]], loose[i]);
+    } else {
+        invert_block(m, p);
+    }
+    lanes rz = multiply_block(p, r, z);
+    for (int i = 0; i < 3; i++) {
+        lanes_store(f->r + at(f->K, row, 3, i, k), r[i]);
+        lanes_store(f->z + at(f->K, row, 3, i, k), z[i]);
+    }
+    for (int i = 0; i < 6; i++) lanes_store(f->p + at(f->K, row, 6, i, k), p[i]);
+    return rz;
+}
+
+// Set z to the last step's change of velocity at free components. Return r.z.
+LANES_INLINE double recall_nodes(const kn_state *state, const kn_work *work, int rows, int together, int K)
+{
+    const real *change = state->change, *r = work->r, *free = work->free;
+    real *z = work->z;
+    double total = 0;
+    for (int row = 0; row < rows; row += together) {
+        const int end = row + together < rows ? row + together : rows;
+        lanes sum = lanes_set(0);
+        for (size_t o = at(K, row, 3, 0, 0); o < at(K, end, 3, 0, 0); o += KN_LANES) {
+            lanes d = lanes_mul(lanes_load(change + o), lanes_load(free + o));
+            lanes_store(z + o, d);
+            sum = lanes_fma(d, lanes_load(r + o), sum);
+        }
+        total += lanes_sum(sum);
+    }
+    return total;
+}
+
+// Compute d = z + beta d of one row.
+LANES_INLINE void next_direction(const fields *f, int row, real beta)
+{
+    for (int i = 0; i < 3 * f->K; i++) {
+        size_t o = at(f->K, row, 3, 0, i);
+        lanes_store(f->d + o, lanes_fma(lanes_set(beta), lanes_load(f->d + o), lanes_load(f->z + o)));
+    }
+}
+
+// Compute guess += alpha d, r -= alpha q, z = P r. Return r.z.
+LANES_INLINE double update_nodes(const kn_work *work, double alpha, int rows, int together, int K)
+{
+    fields f = {.K = K, .guess = work->guess, .r = work->r, .q = work->q, .d = work->d, .z = work->z, .p = work->p};
+    const lanes a = lanes_set((real)alpha), zero = lanes_set(0);
+    double total = 0;
+    for (int row = 0; row < rows;) {
+        const int end = row + together < rows ? row + together : rows;
+        lanes sum = zero;
+        for (; row < end; row++)
+            for (int k = 0; k < f.K; k++) {
+                lanes p[6], r[3], z[3];
+                for (int i = 0; i < 6; i++) p[i] = lanes_load(f.p + at(f.K, row, 6, i, k));
+                for (int i = 0; i < 3; i++) {
+                    size_t o = at(f.K, row, 3, i, k);
+                    lanes_store(f.guess + o, lanes_fma(a, lanes_load(f.d + o), lanes_load(f.guess + o)));
+                    r[i] = lanes_fnma(a, lanes_load(f.q + o), lanes_load(f.r + o));
+                    lanes_store(f.r + o, r[i]);
+                    lanes_store(f.q + o, zero); // clear q for the next product A d
+                }
+                sum = lanes_add(sum, multiply_block(p, r, z));
+                for (int i = 0; i < 3; i++) lanes_store(f.z + at(f.K, row, 3, i, k), z[i]);
+            }
+        total += lanes_sum(sum);
+    }
+    return total;
+}
+
+// Advance displacements, velocities and the last change of velocity.
+LANES_INLINE void integrate_nodes(kn_state *state, const kn_work *work, real dt, int rows, int K)
+{
+    real *x = state->displacement, *v = state->velocity, *change = state->change;
+    const real *guess = work->guess;
+    for (size_t o = 0; o < at(K, rows, 3, 0, 0); o += KN_LANES) {
+        lanes g = lanes_load(guess + o);
+        lanes_store(change + o, lanes_sub(g, lanes_load(v + o)));
+        lanes_store(v + o, g);
+        lanes_store(x + o, lanes_fma(lanes_set(dt), g, lanes_load(x + o)));
+    }
+}
+
+// --- coarse level ---------------------------------------------------------------------------------------------------
+
+// Compute `count` vectors of the product of the inverse coarse matrix and r_c. The accumulators stay in registers.
+LANES_INLINE lanes coarse_product(const kn_coarse *coarse, const real *r, real *z, int from, int count)
+{
+    const real *column = (const real *)coarse->inverse + (size_t)from * KN_LANES;
+    lanes sum[6], rz = lanes_set(0);
+    UNROLL(6)
+    for (int i = 0; i < count; i++) sum[i] = lanes_set(0);
+    for (int j = 0; j < coarse->unknowns; j++, column += coarse->padded) {
+        const lanes value = lanes_set(r[j]);
+        UNROLL(6)
+        for (int i = 0; i < count; i++) sum[i] = lanes_fma(value, lanes_load(column + (size_t)i * KN_LANES), sum[i]);
+    }
+    UNROLL(6)
+    for (int i = 0; i < count; i++) {
+        const size_t o = (size_t)(from + i) * KN_LANES;
+        lanes_store(z + o, sum[i]);
+        rz = lanes_fma(sum[i], lanes_load(r + o), rz);
+    }
+    return rz;
+}
+
+static double coarse_solve(const kn_model *model, const kn_work *work)
+{
+    const kn_coarse *coarse = model->coarse;
+    const real *r = work->coarse;
+    real *z = (real *)work->coarse + coarse->padded;
+    const int vectors = coarse->padded / KN_LANES;
+    int v = 0;
+    lanes rz = lanes_set(0);
+    for (; v + 6 <= vectors; v += 6) rz = lanes_add(rz, coarse_product(coarse, r, z, v, 6));
+    switch (vectors - v) {
+    case 1: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 1)); break;
+    case 2: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 2)); break;
+    case 3: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 3)); break;
+    case 4: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 4)); break;
+    case 5: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 5)); break;
+    default: break;
+    }
+    return lanes_sum(rz);
+}
+
+#endif
