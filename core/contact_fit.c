@@ -129,9 +129,9 @@ void kn_contact_fit_reset(kn_contact_fit *fit)
 static double skin_rate(const kn_model *m, const kn_state *state, const kn_sample *s)
 {
     double rate = 0;
-    for (int a = 0; a < s->nodes; a++)
+    for (int a = 0; a < s->patch->nodes; a++)
         for (size_t k = 0; k < 3; k++)
-            rate += s->weight[a] * s->normal[k] * kn_real_get(m, state->velocity, s->offset[a] + k * m->stride);
+            rate += s->weight[a] * s->normal[k] * kn_real_get(m, state->velocity, s->patch->offset[a] + k * m->stride);
     return rate;
 }
 
@@ -229,7 +229,7 @@ static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, co
         add_force(&all, s->normal, s->pressing_n, rate);
         if (turns) add_torque(&all, s->normal, s->pressing_n, s->arm_m);
         if (!several(f)) continue;
-        sums *own = &part[patch_of(fit, p, s->node, s->nodes)];
+        sums *own = &part[patch_of(fit, p, s->patch->node, s->patch->nodes)];
         add_force(own, s->normal, s->pressing_n, rate);
         if (turns) add_torque(own, s->normal, s->pressing_n, s->arm_m);
     }
@@ -240,7 +240,7 @@ static void look_at_samples(const kn_contact_fit *fit, const kn_state *state, co
         const kn_sample *s = &contact->sample[i];
         if (s->probe != p || !s->line.active) continue;
         add_layer(s, &f->all);
-        if (several(f)) add_layer(s, &f->patch[patch_of(fit, p, s->node, s->nodes)]);
+        if (several(f)) add_layer(s, &f->patch[patch_of(fit, p, s->patch->node, s->patch->nodes)]);
     }
 }
 
@@ -406,9 +406,10 @@ static void group_patches(kn_contact_fit *fit, const kn_contact *contact, int p)
         const kn_sample *s = &contact->sample[i];
         if (!presses(s, p)) continue;
         // a sample of a spline presses its middle node, a sample of a triangle presses the three corners
-        if (s->nodes == 9) kn_patches_press(fit->patches, s->node[4], s->pressing_n);
+        if (s->patch->nodes == 9) kn_patches_press(fit->patches, s->patch->node[4], s->pressing_n);
         else
-            for (int a = 0; a < s->nodes; a++) kn_patches_press(fit->patches, s->node[a], s->pressing_n / s->nodes);
+            for (int a = 0; a < s->patch->nodes; a++)
+                kn_patches_press(fit->patches, s->patch->node[a], s->pressing_n / s->patch->nodes);
     }
     for (int i = 0; i < contact->hold_count; i++)
         if (carries(&contact->hold[i], p))
@@ -451,11 +452,11 @@ static void each_force(const kn_contact_fit *fit, const kn_contact *contact, int
     for (int i = 0; i < contact->sample_count; i++) {
         const kn_sample *s = &contact->sample[i];
         if (!presses(s, p)) continue;
-        int patch = by_patch ? patch_of(fit, p, s->node, s->nodes) : 0;
+        int patch = by_patch ? patch_of(fit, p, s->patch->node, s->patch->nodes) : 0;
         if (by_patch) whole_n = f->patch[patch].force_n;
-        for (int a = 0; a < s->nodes; a++) {
+        for (int a = 0; a < s->patch->nodes; a++) {
             for (int k = 0; k < 3; k++) force[k] = s->weight[a] * s->pressing_n / whole_n * s->normal[k];
-            call(self, patch, s->offset[a], force);
+            call(self, patch, s->patch->offset[a], force);
         }
     }
     for (int i = 0; i < contact->hold_count; i++) {

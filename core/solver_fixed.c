@@ -394,9 +394,9 @@ static void push_nodes(const kn_model *m, kn_contact *contact, double top_load_n
         kn_sample *s = &contact->sample[i];
         kn_sample_push(s);
         if (s->pressing_n == 0) continue;
-        for (int a = 0; a < s->nodes; a++) {
-            record(w, count, s->node[a]);
-            for (int k = 0; k < 3; k++) w->load_n[s->node[a]][k] += s->weight[a] * s->force_n[k];
+        for (int a = 0; a < s->patch->nodes; a++) {
+            record(w, count, s->patch->node[a]);
+            for (int k = 0; k < 3; k++) w->load_n[s->patch->node[a]][k] += s->weight[a] * s->force_n[k];
         }
     }
 }

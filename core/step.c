@@ -27,8 +27,8 @@ static void solve_rk4(const kn_model *m, kn_state *state, kn_scratch *s, const k
     for (int i = 0; i < s->contact.sample_count; i++) {
         kn_sample *sample = &s->contact.sample[i];
         kn_sample_push(sample);
-        for (int a = 0; a < sample->nodes; a++)
-            for (int k = 0; k < 3; k++) s->force[sample->node[a]][k] += sample->weight[a] * sample->force_n[k];
+        for (int a = 0; a < sample->patch->nodes; a++)
+            for (int k = 0; k < 3; k++) s->force[sample->patch->node[a]][k] += sample->weight[a] * sample->force_n[k];
     }
     const kn_boundary boundary = {s->fixed, (const double(*)[3])s->velocity, (const double(*)[3])s->force, s->reaction};
     kn_rk4_step(m, state, &boundary, s->stages);

@@ -51,8 +51,8 @@ static void slip_of(const kn_model *m, const kn_contact *c, const kn_state *stat
     kn_six_velocity(c->tool[s->probe].velocity, s->arm_m, slip);
     for (size_t k = 0; k < 3; k++) {
         slip[k] = -slip[k];
-        for (int a = 0; a < s->nodes; a++)
-            slip[k] += s->weight[a] * kn_real_get(m, state->velocity, s->offset[a] + k * m->stride);
+        for (int a = 0; a < s->patch->nodes; a++)
+            slip[k] += s->weight[a] * kn_real_get(m, state->velocity, s->patch->offset[a] + k * m->stride);
     }
     double along = kn_dot(slip, s->normal);
     for (int k = 0; k < 3; k++) slip[k] -= along * s->normal[k];
@@ -208,7 +208,7 @@ bool kn_touch_nodes(const kn_model *m, const kn_state *state, const kn_scratch *
         for (int k = 0; k < 3 && !hold->gone && hold->force_n[2] >= hold->lowest_n; k++)
             force_n[hold->node][k] -= hold->force_n[k];
     for (const kn_sample *s = c->sample; s < c->sample + c->sample_count; s++)
-        for (int a = 0; a < s->nodes && s->probe != KN_TABLE && s->line.active; a++)
-            for (int k = 0; k < 3; k++) force_n[s->node[a]][k] += s->weight[a] * s->force_n[k];
+        for (int a = 0; a < s->patch->nodes && s->probe != KN_TABLE && s->line.active; a++)
+            for (int k = 0; k < 3; k++) force_n[s->patch->node[a]][k] += s->weight[a] * s->force_n[k];
     return true;
 }

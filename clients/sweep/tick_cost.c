@@ -162,14 +162,15 @@ static kn_tick_cost_part contact(const kn_model *m, int index)
         p.once = (kn_tick_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
         return p;
     }
-    // Number of contact samples per node spacing and direction: 2 for a coarse tool, 4 for a fine tool.
-    double per = m->shape[index].fine_m > 4 * h ? 2 : 4, more = 1 + (probe->coupling_n_m > 0) + (probe->friction > 0);
+    // Number of contact samples per node spacing and direction, as in core/solve/contact.c.
+    double per = fmin(fmax(ceil(8 * h / m->shape[index].fine_m - 1e-9), 2), 4),
+           more = 1 + (probe->coupling_n_m > 0) + (probe->friction > 0);
     double extent_m[3];
     kn_model_def_extent(&m->def, extent_m);
     double samples = fmin(touched_m2(probe), extent_m[0] * extent_m[1]) / (h * h) * per * per;
     snprintf(p.name, sizeof p.name, "%s %s, about %.0f samples", shape[probe->shape], probe->name, samples);
     p.once = (kn_tick_cost){samples * sizeof(kn_sample), samples * 250 * more, samples * 0.12 * more};
-    p.iteration = (kn_tick_cost){samples * sizeof(kn_sample), samples * 108 * more, samples * 0.012 * more};
+    p.iteration = (kn_tick_cost){samples * sizeof(kn_sample), samples * 108 * more, samples * 0.008 * more};
     return p;
 }
 

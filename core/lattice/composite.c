@@ -536,6 +536,9 @@ static void composite_kernels(kn_model *m)
                               .restriction = restriction,
                               .coarse_solve = c->inside->coarse_solve,
                               .prolongation = prolongation,
+                              .contact_rates = c->inside->contact_rates,
+                              .contact_add = c->inside->contact_add,
+                              .contact_product = c->inside->contact_product,
                               .integrate = integrate};
     m->kernels = &c->kernels;
 }

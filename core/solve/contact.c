@@ -8,10 +8,12 @@
 
 // --- sizes ----------------------------------------------------------------------------------------------------------
 
-// Return the number of samples along each side of a node's patch: 4, or 2 for a tool that is large compared with the
-// patch. If samples are at most an eighth of a ball's radius apart, the force of the sliding ball ripples by only 0.3 %
-// per ms.
-static int samples_per_patch(double spacing_m, const kn_shape *shape) { return shape->fine_m > 4 * spacing_m ? 2 : 4; }
+// Return the number of samples along each side of a node's patch, 2 to 4. If samples are at most an eighth of a ball's
+// radius apart, the force of the sliding ball ripples by only 0.3 % per ms.
+static int samples_per_patch(double spacing_m, const kn_shape *shape)
+{
+    return (int)fmin(fmax(ceil(8 * spacing_m / shape->fine_m - 1e-9), 2), 4);
+}
 
 // Distance from the tool up to which a gripped sample is found, m. No grip is strong enough to stretch a contact as far
 // as this.
@@ -54,16 +56,95 @@ size_t kn_contact_anchors(const kn_model *model)
     return any ? (size_t)kn_contact_samples(model) : 0;
 }
 
+// Return an upper bound of the number of patches of all tools, as kn_contact_samples does for samples.
+static int tool_patches(const kn_model *model)
+{
+    double count = 0, h = model->def.spacing_m, patches = model->skin_count;
+    for (int f = 0; f < model->face_count; f++) patches += (double)model->face[f].len[0] * model->face[f].len[1];
+    for (int p = 0; p < model->def.probe_count; p++) {
+        const double reach = (model->shape[p].bound_m + still_margin(model, &model->def.probe[p])) / h + 2;
+        if (model->def.probe[p].shape != KN_PROBE_PLATE) count += fmin(2 * 3.1416 * reach * reach, patches);
+    }
+    return (int)fmin(count, 1e7);
+}
+
+// Return the number of reals of kn_contact_patch.lanes for a number of nodes and samples.
+static size_t lane_reals(int nodes, int samples) { return (size_t)(KN_CONTACT_WEIGHT + nodes + samples) * KN_LANES; }
+
+#define PER_PATCH_MAX 4 // largest number of samples along a side of a patch
+#define SAMPLES_MAX (PER_PATCH_MAX * PER_PATCH_MAX)
+
+// Return the number of nodes of a tool's patch.
+static int patch_nodes(const kn_model *model) { return model->skin_count > 0 ? 3 : 9; }
+
+// Return the bytes of the lanes of all patches.
+static size_t lane_bytes(const kn_model *model)
+{
+    return kn_model_real(model) * ((size_t)model->base_count * lane_reals(1, 1) +
+                                   (size_t)tool_patches(model) * lane_reals(patch_nodes(model), SAMPLES_MAX));
+}
+
 size_t kn_contact_bytes(const kn_model *model)
 {
-    return (size_t)model->top_count * sizeof(kn_held_node) + (size_t)kn_contact_samples(model) * sizeof(kn_sample);
+    return lane_bytes(model) + (size_t)(model->base_count + tool_patches(model)) * sizeof(kn_contact_patch) +
+           (size_t)kn_contact_samples(model) * sizeof(kn_sample) + (size_t)model->top_count * sizeof(kn_held_node);
 }
 
 void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
 {
-    *contact = (kn_contact){.hold_max = model->top_count, .sample_max = kn_contact_samples(model)};
-    contact->sample = memory;
-    contact->hold = (kn_held_node *)(void *)(contact->sample + contact->sample_max);
+    *contact = (kn_contact){.hold_max = model->top_count,
+                            .sample_max = kn_contact_samples(model),
+                            .patch_max = model->base_count + tool_patches(model)};
+    contact->lanes = memory;
+    contact->sample = (kn_sample *)(void *)((char *)memory + lane_bytes(model));
+    contact->patch = (kn_contact_patch *)(void *)(contact->sample + contact->sample_max);
+    contact->hold = (kn_held_node *)(void *)(contact->patch + contact->patch_max);
+}
+
+// --- patches --------------------------------------------------------------------------------------------------------
+
+// Begin a patch without samples. Return NULL if there is no room.
+static kn_contact_patch *add_patch(const kn_model *model, kn_contact *contact, int probe, int nodes, const int *node,
+                                   int samples)
+{
+    const kn_contact_patch *last = contact->patch + contact->patch_count - 1;
+    const size_t bytes = kn_model_real(model) * lane_reals(nodes, samples);
+    if (contact->patch_count == contact->patch_max) return NULL;
+    kn_contact_patch *p = &contact->patch[contact->patch_count];
+    *p = (kn_contact_patch){.probe = probe, .first = contact->sample_count, .nodes = nodes};
+    p->lanes = contact->patch_count > 0 ? (char *)last->lanes + contact->last_bytes : contact->lanes;
+    for (int a = 0; a < nodes; a++) {
+        p->node[a] = node[a];
+        p->offset[a] = model->offset[node[a]];
+    }
+    memset(p->lanes, 0, kn_model_real(model) * lane_reals(nodes, 0));
+    contact->last_bytes = bytes;
+    contact->patch_count++;
+    return p;
+}
+
+// Store what the kernels need of the newest sample of a patch. This macro holds the source for both precisions.
+#define LANE(real)                                                                                                     \
+    real *to = (real *)p->lanes + l, *spread = (real *)p->lanes + lane_reals(p->nodes, l);                             \
+    for (int k = 0; k < 3; k++) {                                                                                      \
+        to[(KN_CONTACT_NORMAL + k) * KN_LANES] = (real)s->normal[k];                                                   \
+        to[(KN_CONTACT_ARM + k) * KN_LANES] = (real)s->arm_m[k];                                                       \
+    }                                                                                                                  \
+    for (int a = 0; a < p->nodes; a++) {                                                                               \
+        to[(KN_CONTACT_WEIGHT + a) * KN_LANES] = (real)s->weight[a];                                                   \
+        spread[a] = (real)s->weight[a];                                                                                \
+    }
+
+// Add a sample, whose members are set, to a patch.
+static void add_lane(const kn_model *model, kn_contact_patch *p, kn_sample *s)
+{
+    const int l = p->count++;
+    s->patch = p;
+    if (kn_model_single(model)) {
+        LANE(float)
+    } else {
+        LANE(double)
+    }
 }
 
 // --- plate ----------------------------------------------------------------------------------------------------------
@@ -206,17 +287,22 @@ static void stay_in_plane(double normal[3])
     normal[2] = size > 0 ? normal[2] / size : 1;
 }
 
-// Add a sample at a point of the skin, and fill in the members that depend on the tool. Return NULL if the point is too
-// far from the tool, or if the skin there faces away from the tool. The second condition keeps a tool from touching the
-// far side of a thin block.
-static kn_sample *sample_at(const search *s, const double point[3], const double outwards[3], double area_m2)
+// Add a sample at a point of the skin, and fill in the members that depend on the tool. Its first sample begins the patch
+// of `nodes` nodes. Return NULL if the point is too far from the tool, or if the skin there faces away from the tool. The
+// second condition keeps a tool from touching the far side of a thin block.
+static kn_sample *sample_at(const search *s, const double point[3], const double outwards[3], double area_m2,
+                            kn_contact_patch **patch, int nodes, const int *node)
 {
-    double arm[3], normal[3];
+    double arm[3], normal[3], far = s->shape->bound_m + s->margin_m;
     away_from(s->model, s->at_m, point, arm);
+    // most points that are too far are outside the ball around the shape, too
+    if (kn_dot(arm, arm) > far * far) return NULL;
     double distance = distance_of(s->shape, s->turn, arm, normal) + s->relief_m;
     if (s->model->grid.flat) stay_in_plane(normal);
     if (distance > s->margin_m || kn_dot(normal, outwards) > 0) return NULL;
-    if (s->contact->sample_count >= s->contact->sample_max) {
+    if (!*patch && s->contact->sample_count < s->contact->sample_max)
+        *patch = add_patch(s->model, s->contact, s->probe, nodes, node, SAMPLES_MAX);
+    if (!*patch || s->contact->sample_count >= s->contact->sample_max) {
         s->contact->samples_lost++;
         return NULL;
     }
@@ -255,7 +341,6 @@ typedef struct patch { // patch of skin that belongs to one node of a face, with
     const kn_face *face;
     int u, v;
     int node[9];
-    size_t offset[9];
     double x[9][3];
 } patch;
 
@@ -268,7 +353,6 @@ static void load_patch(const kn_model *model, const kn_state *state, patch *p)
         for (int du = -1; du <= 1; du++, a++) {
             p->node[a] = face_node(p->face, clamp(p->u + du, p->face->len[0]), clamp(p->v + dv, p->face->len[1]));
             kn_state_position(model, state, p->node[a], p->x[a]);
-            p->offset[a] = model->offset[p->node[a]];
         }
 }
 
@@ -306,8 +390,6 @@ static bool patch_point(const kn_model *model, const patch *p, double tu, double
     blend(p, wu, wv, weight, point);
     return true;
 }
-
-#define PER_PATCH_MAX 4 // largest number of samples along a side of a patch
 
 // Compute the weights of `per` samples along one side of a patch. Bit j of the result is set if sample j is on the
 // block.
@@ -353,19 +435,41 @@ static void sample_patch(const search *s, const patch *p)
     double wu[PER_PATCH_MAX][3], wv[PER_PATCH_MAX][3];
     unsigned on_u = side_weights(model, per_u, p->u, p->face->len[0], wu);
     unsigned on_v = side_weights(model, per_v, p->v, p->face->len[1], wv);
+    kn_contact_patch *samples = NULL;
+    // along: for each place along u, the skin's points at the three rows of nodes
+    double along[PER_PATCH_MAX][3][3];
+    for (int j = 0; j < per_u; j++)
+        for (int a = 0; a < 9; a++)
+            for (int k = 0; k < 3; k++)
+                along[j][a / 3][k] = (a % 3 > 0 ? along[j][a / 3][k] : 0) + wu[j][a % 3] * p->x[a][k];
     for (int i = 0; i < per_u * per_v; i++) {
-        double point[3], weight[9];
+        const double *u = wu[i % per_u], *v = wv[i / per_u];
+        double point[3];
         if (!(on_u >> i % per_u & 1) || !(on_v >> i / per_u & 1)) continue;
-        blend(p, wu[i % per_u], wv[i / per_u], weight, point);
-        kn_sample *sample = sample_at(s, point, outwards, area);
+        for (int k = 0; k < 3; k++) {
+            const double(*row)[3] = (const double(*)[3])along[i % per_u];
+            point[k] = v[0] * row[0][k] + v[1] * row[1][k] + v[2] * row[2][k];
+        }
+        kn_sample *sample = sample_at(s, point, outwards, area, &samples, 9, p->node);
         if (!sample) continue;
         sample->face = (int)(p->face - model->face);
         sample->key = key_of(s->probe, sample->face, p->v * p->face->len[0] + p->u, i);
-        sample->nodes = 9;
-        memcpy(sample->weight, weight, sizeof weight);
-        memcpy(sample->node, p->node, sizeof p->node);
-        memcpy(sample->offset, p->offset, sizeof p->offset);
+        for (int a = 0; a < 9; a++) sample->weight[a] = u[a % 3] * v[a / 3];
+        add_lane(model, samples, sample);
     }
+}
+
+// Return an upper bound of the distance of a patch's samples from its node. A sample is a mean of nine nodes in which
+// the others than the node itself have at most SPREAD of the weight: 1 - 0.609^2 at a place of 3/8.
+#define SPREAD 0.63
+static double reach_of(const patch *p)
+{
+    double most2 = 0;
+    for (int a = 0; a < 9; a++) {
+        const double d[3] = {p->x[a][0] - p->x[4][0], p->x[a][1] - p->x[4][1], p->x[a][2] - p->x[4][2]};
+        most2 = fmax(most2, kn_dot(d, d));
+    }
+    return SPREAD * sqrt(most2);
 }
 
 // Add the samples of a block's faces. A patch out of the tool's reach is skipped: a first test uses the ball around the
@@ -381,10 +485,11 @@ static void find_on_faces(const search *s)
                 kn_state_position(s->model, s->state, face_node(face, u, v), x);
                 away_from(s->model, s->at_m, x, arm);
                 if (kn_dot(arm, arm) > far * far) continue;
-                if (distance_of(s->shape, s->turn, arm, normal) > reach) continue;
+                const double distance = distance_of(s->shape, s->turn, arm, normal);
+                if (distance > reach) continue;
                 patch p = {.face = face, .u = u, .v = v};
                 load_patch(s->model, s->state, &p);
-                sample_patch(s, &p);
+                if (distance <= reach_of(&p) + s->margin_m) sample_patch(s, &p);
             }
     }
 }
@@ -423,19 +528,16 @@ static void sample_triangle(const search *s, int triangle)
     int per = samples_per_patch(model->def.spacing_m, s->shape);
     double area = kn_skin_area(model, node) / (per * per);
     load_triangle(model, s->state, node, x, outwards);
+    kn_contact_patch *samples = NULL;
     for (int i = 0; i < per * per; i++) {
         double weight[3], point[3];
         small_centre(i, per, weight);
         for (int k = 0; k < 3; k++) point[k] = weight[0] * x[0][k] + weight[1] * x[1][k] + weight[2] * x[2][k];
-        kn_sample *sample = sample_at(s, point, outwards, area);
+        kn_sample *sample = sample_at(s, point, outwards, area, &samples, 3, node);
         if (!sample) continue;
         sample->key = key_of(s->probe, 0, triangle, i);
-        sample->nodes = 3;
-        for (int a = 0; a < 3; a++) {
-            sample->weight[a] = weight[a];
-            sample->node[a] = node[a];
-            sample->offset[a] = model->offset[node[a]];
-        }
+        memcpy(sample->weight, weight, sizeof weight);
+        add_lane(model, samples, sample);
     }
 }
 
@@ -481,15 +583,14 @@ static void find_table_samples(const kn_model *model, const kn_state *state, kn_
         kn_state_position(model, state, node, x);
         // a node higher than a tenth of a spacing cannot touch in this step
         if (x[2] > 0.1 * model->def.spacing_m) continue;
-        if (contact->sample_count >= contact->sample_max) {
+        kn_contact_patch *own = NULL;
+        if (contact->sample_count < contact->sample_max) own = add_patch(model, contact, KN_TABLE, 1, &node, 1);
+        if (!own) {
             contact->samples_lost++;
             continue;
         }
         kn_sample *s = &contact->sample[contact->sample_count++];
         *s = (kn_sample){.probe = KN_TABLE,
-                         .nodes = 1,
-                         .node = {node},
-                         .offset = {model->offset[node]},
                          .weight = {1},
                          .normal = {0, 0, 1},
                          .depth_m = -x[2],
@@ -498,6 +599,7 @@ static void find_table_samples(const kn_model *model, const kn_state *state, kn_
         s->layer_m = INFINITY;
         s->foundation_n_m = KN_TABLE_N_M3 * model->base_area_m2[i];
         s->key = key_of(KN_TABLE, 0, i, 0);
+        add_lane(model, own, s);
     }
 }
 
@@ -557,16 +659,11 @@ static void remember_all(kn_state *state, const kn_contact *contact)
 
 // --- beginning and end of a step ------------------------------------------------------------------------------------
 
-double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field)
+double kn_sample_gap_rate(const kn_contact *contact, const kn_sample *s)
 {
-    size_t stride = model->stride;
     double v[3] = {0};
     if (s->probe != KN_TABLE) kn_six_velocity(contact->tool[s->probe].velocity, s->arm_m, v);
-    double rate = -kn_dot(s->normal, v);
-    for (int a = 0; a < s->nodes; a++)
-        for (size_t k = 0; k < 3; k++)
-            rate += s->weight[a] * s->normal[k] * kn_real_get(model, field, s->offset[a] + k * stride);
-    return rate;
+    return kn_dot(s->normal, s->rate_m_s) - kn_dot(s->normal, v);
 }
 
 // Shrink a tool that enters the model inside the object by its depth in the object, so that it does not push at first.
@@ -589,7 +686,7 @@ void kn_sample_push(kn_sample *s)
 void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact)
 {
     // first the table, then every tool, so that the keys of the samples ascend
-    contact->hold_count = contact->sample_count = 0;
+    contact->hold_count = contact->sample_count = contact->patch_count = 0;
     contact->coupled = false;
     find_table_samples(model, state, contact);
     for (int p = 0; p < model->def.probe_count; p++) {

@@ -51,11 +51,30 @@ typedef struct kn_held_node { // a node that a plate holds in this step
     bool gone;         // set by the solver: the plate released the node within the step
 } kn_held_node;
 
+// Samples that share their nodes, as they do in a patch of skin under one tool.
+typedef struct kn_contact_patch {
+    int probe;
+    int first, count;   // first sample and number of samples, at most sixteen
+    int nodes, node[9]; // nodes that carry the samples: 9 on a block, 3 on a net, 1 at the table
+    size_t offset[9];   // offset of each node's x component, see kn_model.offset
+    // The samples as lanes of sixteen, in the model's precision, for the products of the conjugate gradients. First the
+    // vectors KN_CONTACT_*, then the weight of each node, then for each sample the weights of all nodes.
+    void *lanes;
+} kn_contact_patch;
+
+enum { // vectors of kn_contact_patch.lanes
+    KN_CONTACT_NORMAL = 0,
+    KN_CONTACT_ALONG = 3, // stiffness times dt along the normal, beyond that along the skin
+    KN_CONTACT_SIDE = 4,  // stiffness times dt along the skin
+    KN_CONTACT_ARM = 5,
+    KN_CONTACT_RATE = 8,                // velocity of the skin in the last field that contact_rates was given
+    KN_CONTACT_FORCE = KN_CONTACT_RATE, // for contact_add: forces to add
+    KN_CONTACT_WEIGHT = 11
+};
+
 typedef struct kn_sample { // a point of the skin near a tool
     int probe, face;
-    int nodes; // number of nodes that carry the sample: 9 on a block, 3 on a net, 1 at the table
-    int node[9];
-    size_t offset[9];      // offset of each node's x component, see kn_model.offset
+    const kn_contact_patch *patch;
     double weight[9];      // share of each node in the sample's position and force; the sum is 1
     double normal[3];      // unit vector in the direction in which the tool pushes the skin
     double point_m[3];     // present position of the sample in the scene [m]
@@ -85,9 +104,13 @@ typedef struct kn_sample { // a point of the skin near a tool
 typedef struct kn_contact { // contact of all tools and the table in one step; part of the state's scratch
     kn_held_node *hold;
     kn_sample *sample;
+    kn_contact_patch *patch;
     int hold_count, hold_max;
     int sample_count, sample_max;
-    int64_t samples_lost; // number of samples dropped because `sample` was full
+    int patch_count, patch_max;
+    void *lanes;          // memory of all kn_contact_patch.lanes
+    size_t last_bytes;    // bytes of the lanes of the newest patch
+    int64_t samples_lost; // number of samples dropped because `sample` or `patch` was full
     kn_tool_step tool[KN_PROBES_MAX];
     bool coupled; // at least one tool is tied to its pose by a virtual coupling (tool.h)
 } kn_contact;
@@ -105,9 +128,8 @@ size_t kn_contact_anchors(const kn_model *model);
 // tools do not move before kn_contact_end.
 void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact);
 
-// Return the velocity of a sample's point minus the velocity of its tool, along the sample's normal. `field` holds the
-// nodal velocities in the model's precision, as state->velocity does.
-double kn_sample_gap_rate(const kn_model *model, const kn_contact *contact, const kn_sample *s, const void *field);
+// Return the velocity of a sample's point (rate_m_s) minus the velocity of its tool, along the sample's normal.
+double kn_sample_gap_rate(const kn_contact *contact, const kn_sample *s);
 
 // Set the force on a sample: foundation stiffness times present depth, along the normal. Explicit solvers use this
 // function.

@@ -4,84 +4,12 @@
 #include <math.h>
 #include <string.h>
 
-// A patch of the skin: consecutive samples that share their nodes. The nodes' values in a field are fetched and added
-// once for all samples of a patch.
-typedef struct patch {
-    kn_sample *sample;
-    int count, nodes;
-    double x[9][3];     // values of a field at the patch's nodes
-    double add[9][3];   // values to add to another field at the patch's nodes
-    double block[9][6]; // matrix blocks to add at the nodes: xx xy xz yy yz zz
-} patch;
-
-// Return whether two samples share all nodes. Comparing a few nodes is enough: samples of one face whose corner nodes
-// are equal share all of them.
-static bool same_nodes(const kn_sample *a, const kn_sample *b)
-{
-    return a->probe == b->probe && a->face == b->face && a->nodes == b->nodes && a->offset[0] == b->offset[0] &&
-           a->offset[1] == b->offset[1] && a->offset[2] == b->offset[2] && a->offset[4] == b->offset[4] &&
-           a->offset[8] == b->offset[8];
-}
-
-static void fetch(const kn_model *m, const void *field, patch *p)
-{
-    for (int a = 0; a < p->nodes; a++) {
-        size_t o = p->sample->offset[a];
-        for (size_t k = 0; k < 3; k++) p->x[a][k] = kn_real_get(m, field, o + k * m->stride);
-    }
-}
-
-// Set `p` to the patch that starts at sample `from`. Fetch its nodes' values in `field` unless `field` is NULL, and
-// clear p->add. Return false if there is no sample `from`.
-static bool next_patch(const kn_model *m, const kn_contact *contact, const void *field, int from, patch *p)
-{
-    if (from >= contact->sample_count) return false;
-    p->sample = &contact->sample[from];
-    p->count = 1;
-    p->nodes = p->sample->nodes;
-    while (from + p->count < contact->sample_count && same_nodes(p->sample, p->sample + p->count)) p->count++;
-    if (field) fetch(m, field, p);
-    memset(p->add, 0, sizeof p->add);
-    return true;
-}
-
-static void add_to(const kn_model *m, void *field, const patch *p)
-{
-    for (int a = 0; a < p->nodes; a++)
-        for (size_t k = 0; k < 3; k++)
-            if (p->add[a][k] != 0) kn_real_add(m, field, p->sample->offset[a] + k * m->stride, p->add[a][k]);
-}
-
-static void add_blocks(const kn_model *m, void *field, const patch *p)
-{
-    for (int a = 0; a < p->nodes; a++) {
-        // the field has 6 components per node: compute the place of the first from the node's offset in a field of 3
-        // components
-        size_t o = p->sample->offset[a], first = o / (3 * m->stride) * 6 * m->stride + o % (3 * m->stride);
-        for (size_t c = 0; c < 6; c++)
-            if (p->block[a][c] != 0) kn_real_add(m, field, first + c * m->stride, p->block[a][c]);
-    }
-}
-
 // --- one sample -----------------------------------------------------------------------------------------------------
-
-// Interpolate the skin's velocity at one sample from the values fetched at its nodes.
-static void rate_of(const kn_sample *s, const patch *p, double v[3])
-{
-    v[0] = v[1] = v[2] = 0;
-    for (int a = 0; a < p->nodes; a++)
-        for (int k = 0; k < 3; k++) v[k] += s->weight[a] * p->x[a][k];
-}
 
 static void tool_rate(const kn_contact *c, const kn_sample *s, double v[3])
 {
     if (s->probe == KN_TABLE) v[0] = v[1] = v[2] = 0;
     else kn_six_velocity(c->tool[s->probe].velocity, s->arm_m, v);
-}
-
-static bool coupled(const kn_contact *c, const kn_sample *s)
-{
-    return s->probe != KN_TABLE && c->tool[s->probe].coupled;
 }
 
 // Return the depth of a sample at the end of the step. With friction, also store the stretch that the sample would have
@@ -130,29 +58,6 @@ static void force_of(double dt, const kn_contact *c, const kn_sample *s, double 
     for (int k = 0; k < 3; k++) force[k] = *pressing * s->normal[k];
     if (s->line.active && s->line.side_n_m > 0)
         for (int k = 0; k < 3; k++) force[k] -= s->line.side_n_m * stretch[k];
-}
-
-static void push(const kn_sample *s, const double force[3], patch *p)
-{
-    for (int a = 0; a < p->nodes; a++)
-        for (int k = 0; k < 3; k++) p->add[a][k] += s->weight[a] * force[k];
-}
-
-// Compute the upper half of dt K for a sample, with the stiffness K = slope n n' + side (1 - n n').
-static void stiffness_of(double dt, const kn_sample *s, double k[6])
-{
-    const double *n = s->normal, side = dt * s->line.side_n_m, along = dt * (s->line.slope_n_m - s->line.side_n_m);
-    for (int i = 0, c = 0; i < 3; i++)
-        for (int j = i; j < 3; j++, c++) k[c] = along * n[i] * n[j] + (i == j ? side : 0);
-}
-
-// Add the stiffness of a sample to the diagonal blocks of the nodes that carry the sample.
-static void stiffen(double dt, const kn_sample *s, patch *p)
-{
-    double k[6];
-    stiffness_of(dt, s, k);
-    for (int a = 0; a < p->nodes; a++)
-        for (int c = 0; c < 6; c++) p->block[a][c] += s->weight[a] * s->weight[a] * k[c];
 }
 
 // Compute force = dt K v for the stiffness K of a sample and a velocity v. Return u . force.
@@ -232,16 +137,41 @@ static void balance(const kn_model *m, kn_contact *c, bool factor)
 // Store the velocity of the skin at every sample (rate_m_s), interpolated from a field of node velocities.
 static void look(const kn_model *m, kn_scratch *scratch, const void *field)
 {
-    patch p;
-    for (int i = 0; next_patch(m, &scratch->contact, field, i, &p); i += p.count)
-        for (kn_sample *s = p.sample; s < p.sample + p.count; s++) rate_of(s, &p, s->rate_m_s);
+    kn_contact *c = &scratch->contact;
+    m->kernels->contact_rates(m, c, field, NULL);
+    for (const kn_contact_patch *p = c->patch; p < c->patch + c->patch_count; p++)
+        for (size_t l = 0; l < (size_t)p->count; l++)
+            for (size_t k = 0; k < 3; k++)
+                c->sample[(size_t)p->first + l].rate_m_s[k] =
+                    kn_real_get(m, p->lanes, (KN_CONTACT_RATE + k) * KN_LANES + l);
+}
+
+// Add to the residual the difference between the samples' present forces and force_n. Hand their stiffnesses to the
+// kernels, and, if `blocks`, add these to the diagonal blocks.
+static void hand_over(const kn_model *m, kn_scratch *scratch, bool blocks)
+{
+    kn_contact *c = &scratch->contact;
+    const double dt = m->def.solver.dt_s;
+    for (kn_contact_patch *p = c->patch; p < c->patch + c->patch_count; p++)
+        for (size_t l = 0; l < (size_t)p->count; l++) {
+            const kn_sample *s = &c->sample[(size_t)p->first + l];
+            const struct kn_sample_line *line = &s->line;
+            double force[3], pressing;
+            force_of(dt, c, s, force, &pressing);
+            for (size_t k = 0; k < 3; k++)
+                kn_real_set(m, p->lanes, (KN_CONTACT_FORCE + k) * KN_LANES + l, force[k] - s->force_n[k]);
+            kn_real_set(m, p->lanes, KN_CONTACT_ALONG * KN_LANES + l,
+                        line->active ? dt * (line->slope_n_m - line->side_n_m) : 0);
+            kn_real_set(m, p->lanes, KN_CONTACT_SIDE * KN_LANES + l, line->active ? dt * line->side_n_m : 0);
+        }
+    m->kernels->contact_add(m, &scratch->work, c, blocks);
 }
 
 void kn_foundation_push(const kn_model *model, kn_scratch *scratch)
 {
-    patch p;
     kn_contact *c = &scratch->contact;
     const double dt = model->def.solver.dt_s;
+    if (c->sample_count == 0 && !c->coupled) return;
     look(model, scratch, scratch->work.guess);
     // judge the samples with the tools' velocities of the last step; then find the velocities of coupled tools in this
     // step, and judge a second time
@@ -249,66 +179,22 @@ void kn_foundation_push(const kn_model *model, kn_scratch *scratch)
         for (int i = 0; i < c->sample_count; i++) judge(dt, c, &c->sample[i]);
         balance(model, c, true);
     }
-    // add forces to the residual and stiffness to the diagonal blocks, patch by patch
-    for (int i = 0; next_patch(model, c, NULL, i, &p); i += p.count) {
-        memset(p.block, 0, sizeof p.block);
-        for (kn_sample *s = p.sample; s < p.sample + p.count; s++) {
-            double force[3], pressing;
-            if (!s->line.active) continue;
-            force_of(dt, c, s, force, &pressing);
-            push(s, force, &p);
-            stiffen(dt, s, &p);
-        }
-        add_to(model, scratch->work.r, &p);
-        add_blocks(model, scratch->work.p, &p);
-    }
-}
-
-// Compute the response v of the coupled tools to skin velocities alone (rate_m_s, from the search direction d), without
-// the drive of the coupling.
-static void follow_tools(const kn_model *m, kn_contact *c, double v[KN_PROBES_MAX][6])
-{
-    memset(v, 0, sizeof(double[KN_PROBES_MAX][6]));
-    for (int i = 0; i < c->sample_count; i++) {
-        const kn_sample *s = &c->sample[i];
-        double force[3];
-        if (!s->line.active || !coupled(c, s)) continue;
-        answer(m->def.solver.dt_s, s, s->rate_m_s, s->rate_m_s, force);
-        kn_six_wrench(s->arm_m, force, 1, v[s->probe]);
-    }
-    // V = G^-1 sum J' dt K d
-    for (int p = 0; p < m->def.probe_count; p++)
-        if (c->tool[p].coupled) kn_six_solve((const double(*)[6])c->tool[p].factor, v[p]);
+    for (int i = 0; i < c->sample_count; i++) memset(c->sample[i].force_n, 0, sizeof c->sample[i].force_n);
+    hand_over(model, scratch, true);
 }
 
 double kn_foundation_apply(const kn_model *model, kn_scratch *scratch)
 {
-    patch p;
-    kn_contact *c = &scratch->contact;
-    double sum = 0, v[KN_PROBES_MAX][6];
-    // coupled tools first: all samples of a tool together determine the tool's velocity
-    if (c->coupled) {
-        look(model, scratch, scratch->work.d);
-        follow_tools(model, c, v);
+    const kn_contact *c = &scratch->contact;
+    double v[KN_PROBES_MAX][6] = {{0}};
+    if (!c->coupled) return model->kernels->contact_product(model, &scratch->work, c, NULL);
+    // all samples of a coupled tool together determine its velocity V = G^-1 sum J' dt K d
+    model->kernels->contact_rates(model, c, scratch->work.d, v);
+    for (int p = 0; p < model->def.probe_count; p++) {
+        if (c->tool[p].coupled) kn_six_solve((const double(*)[6])c->tool[p].factor, v[p]);
+        else memset(v[p], 0, sizeof v[p]);
     }
-    for (int i = 0; next_patch(model, c, c->coupled ? NULL : scratch->work.d, i, &p); i += p.count) {
-        for (kn_sample *s = p.sample; s < p.sample + p.count; s++) {
-            double apart[3], force[3];
-            if (!s->line.active) continue;
-            if (!c->coupled) rate_of(s, &p, s->rate_m_s);
-            // apart: velocity of the skin relative to the tool
-            memcpy(apart, s->rate_m_s, sizeof apart);
-            if (coupled(c, s)) {
-                double tool[3];
-                kn_six_velocity(v[s->probe], s->arm_m, tool);
-                for (int k = 0; k < 3; k++) apart[k] -= tool[k];
-            }
-            sum += answer(model->def.solver.dt_s, s, apart, s->rate_m_s, force);
-            push(s, force, &p);
-        }
-        add_to(model, scratch->work.q, &p);
-    }
-    return sum;
+    return model->kernels->contact_product(model, &scratch->work, c, (const double(*)[6])v);
 }
 
 // Largest relative change of a sample's stiffness that needs no further solve. A larger change means that the solver
@@ -331,7 +217,6 @@ static bool turns_over(double dt, const kn_contact *c, kn_sample *s)
 
 int kn_foundation_change(const kn_model *model, kn_scratch *scratch)
 {
-    patch p;
     kn_contact *c = &scratch->contact;
     const double dt = model->def.solver.dt_s;
     int changed = 0;
@@ -346,16 +231,7 @@ int kn_foundation_change(const kn_model *model, kn_scratch *scratch)
     }
     // correct the residual by the difference between new and old forces
     balance(model, c, true);
-    for (int i = 0; next_patch(model, c, NULL, i, &p); i += p.count) {
-        for (kn_sample *s = p.sample; s < p.sample + p.count; s++) {
-            double force[3], pressing;
-            if (!s->line.active && !s->last.active) continue;
-            force_of(dt, c, s, force, &pressing);
-            for (int k = 0; k < 3; k++) force[k] -= s->force_n[k];
-            push(s, force, &p);
-        }
-        add_to(model, scratch->work.r, &p);
-    }
+    hand_over(model, scratch, false);
     return changed;
 }
 

@@ -54,6 +54,8 @@ typedef struct kn_work {
     uint8_t *row_moved;
 } kn_work;
 
+struct kn_contact;
+
 typedef struct kn_kernels {
     const char *name; // instruction set and precision, e.g. "avx512 f32"
     size_t (*tables_size)(const kn_model *model);
@@ -68,6 +70,15 @@ typedef struct kn_kernels {
     void (*restriction)(const kn_model *model, const kn_work *work);
     double (*coarse_solve)(const kn_model *model, const kn_work *work);
     void (*prolongation)(const kn_model *model, const kn_work *work);
+    // The contact (foundation.c), with the lanes of its patches. contact_rates stores the velocities of all samples in a
+    // field v, and adds J' dt K v to `wrench` of each coupled tool unless that is NULL. contact_add adds forces to r,
+    // and stiffnesses to the diagonal blocks if `blocks`. contact_product adds dt K (d - J V) of all samples to q, and
+    // returns their part of d.q. V: velocities of the tools, after contact_rates with d; NULL: all 0.
+    void (*contact_rates)(const kn_model *model, const struct kn_contact *contact, const void *field,
+                          double (*wrench)[6]);
+    void (*contact_add)(const kn_model *model, const kn_work *work, const struct kn_contact *contact, bool blocks);
+    double (*contact_product)(const kn_model *model, const kn_work *work, const struct kn_contact *contact,
+                              const double (*velocity)[6]);
     void (*integrate)(const kn_model *model, kn_state *state, const kn_work *work);
 } kn_kernels;
 

@@ -516,5 +516,8 @@ const kn_kernels KN_KERNELS(grid) = {
     .restriction = restriction,
     .coarse_solve = coarse_solve,
     .prolongation = prolongation,
+    .contact_rates = contact_rates,
+    .contact_add = contact_add,
+    .contact_product = contact_product,
     .integrate = integrate,
 };

@@ -2,6 +2,7 @@
 #define KN_CORE_SOLVE_KERNEL_NODES_H
 // What the kernels do at nodes, sixteen at a time: a row holds K vectors of nodes, in a net one. Sums over nodes are
 // added row by row within a block of rows, then block by block. A block of rows is a plane of a block of nodes.
+#include "core/solve/contact.h"
 #include "core/solve/kernel_law.h"
 
 // Return the offset of vector k of component c of a row, in a field with C components.
@@ -216,6 +217,144 @@ static double coarse_solve(const kn_model *model, const kn_work *work)
     default: break;
     }
     return lanes_sum(rz);
+}
+
+// --- contact --------------------------------------------------------------------------------------------------------
+
+// The samples of a patch are the lanes of a vector. At first every lane interpolates its velocity from those of the
+// nodes; at the end every node adds up the forces of the samples, one sample after the other, with the nodes as lanes.
+
+LANES_INLINE lanes contact_lanes(const kn_contact_patch *p, int vector)
+{
+    return lanes_load((const real *)p->lanes + (size_t)vector * KN_LANES);
+}
+
+// Interpolate the velocities of the samples of a patch from a field.
+LANES_INLINE void contact_rate(const kn_contact_patch *p, const real *field, size_t stride, lanes rate[3])
+{
+    for (int k = 0; k < 3; k++) rate[k] = lanes_set(0);
+    for (int a = 0; a < p->nodes; a++) {
+        const lanes weight = contact_lanes(p, KN_CONTACT_WEIGHT + a);
+        for (size_t k = 0; k < 3; k++)
+            rate[k] = lanes_fma(weight, lanes_set(field[p->offset[a] + k * stride]), rate[k]);
+    }
+}
+
+// Compute dt K v for the stiffness K of every sample.
+LANES_INLINE void contact_force(const kn_contact_patch *p, const lanes v[3], lanes force[3])
+{
+    const lanes side = contact_lanes(p, KN_CONTACT_SIDE);
+    lanes n[3];
+    for (int k = 0; k < 3; k++) n[k] = contact_lanes(p, KN_CONTACT_NORMAL + k);
+    const lanes along = lanes_mul(contact_lanes(p, KN_CONTACT_ALONG), dot(n, v));
+    for (int k = 0; k < 3; k++) force[k] = lanes_fma(side, v[k], lanes_mul(along, n[k]));
+}
+
+// Add the forces of the samples to the nodes of a patch.
+LANES_INLINE void contact_push(const kn_contact_patch *p, const lanes force[3], real *field, size_t stride)
+{
+    _Alignas(64) real each[3][KN_LANES];
+    const real *spread = (const real *)p->lanes + (size_t)(KN_CONTACT_WEIGHT + p->nodes) * KN_LANES;
+    lanes sum[3] = {lanes_set(0), lanes_set(0), lanes_set(0)};
+    for (int k = 0; k < 3; k++) lanes_store(each[k], force[k]);
+    for (int l = 0; l < p->count; l++) {
+        const lanes weight = lanes_load(spread + (size_t)l * KN_LANES);
+        for (int k = 0; k < 3; k++) sum[k] = lanes_fma(lanes_set(each[k][l]), weight, sum[k]);
+    }
+    for (int k = 0; k < 3; k++) lanes_store(each[k], sum[k]);
+    for (int a = 0; a < p->nodes; a++)
+        for (size_t k = 0; k < 3; k++) field[p->offset[a] + k * stride] += each[k][a];
+}
+
+LANES_INLINE void cross(const lanes a[3], const lanes b[3], lanes out[3])
+{
+    for (int k = 0; k < 3; k++) {
+        const int u = (k + 1) % 3, v = (k + 2) % 3;
+        out[k] = lanes_fnma(a[v], b[u], lanes_mul(a[u], b[v]));
+    }
+}
+
+static void contact_rates(const kn_model *model, const kn_contact *contact, const void *field, double (*wrench)[6])
+{
+    for (const kn_contact_patch *p = contact->patch; p < contact->patch + contact->patch_count; p++) {
+        lanes rate[3], force[3], arm[3], torque[3];
+        contact_rate(p, field, model->stride, rate);
+        for (int k = 0; k < 3; k++) {
+            lanes_store((real *)p->lanes + (size_t)(KN_CONTACT_RATE + k) * KN_LANES, rate[k]);
+            arm[k] = contact_lanes(p, KN_CONTACT_ARM + k);
+        }
+        if (!wrench || p->probe == KN_TABLE || !contact->tool[p->probe].coupled) continue;
+        contact_force(p, rate, force);
+        cross(arm, force, torque);
+        for (int k = 0; k < 3; k++) {
+            wrench[p->probe][k] += lanes_sum(force[k]);
+            wrench[p->probe][3 + k] += lanes_sum(torque[k]);
+        }
+    }
+}
+
+// Add the stiffnesses of the samples to the diagonal blocks of the nodes of a patch.
+LANES_INLINE void contact_stiffen(const kn_contact_patch *p, real *blocks, size_t stride)
+{
+    _Alignas(64) real each[6][KN_LANES];
+    const real *spread = (const real *)p->lanes + (size_t)(KN_CONTACT_WEIGHT + p->nodes) * KN_LANES;
+    const lanes along = contact_lanes(p, KN_CONTACT_ALONG), side = contact_lanes(p, KN_CONTACT_SIDE);
+    lanes n[3], sum[6];
+    for (int k = 0; k < 3; k++) n[k] = contact_lanes(p, KN_CONTACT_NORMAL + k);
+    for (int i = 0, c = 0; i < 3; i++)
+        for (int j = i; j < 3; j++, c++) {
+            const lanes k = lanes_mul(along, lanes_mul(n[i], n[j]));
+            lanes_store(each[c], i == j ? lanes_add(k, side) : k);
+            sum[c] = lanes_set(0);
+        }
+    for (int l = 0; l < p->count; l++) {
+        const lanes weight = lanes_load(spread + (size_t)l * KN_LANES), weight2 = lanes_mul(weight, weight);
+        for (int c = 0; c < 6; c++) sum[c] = lanes_fma(lanes_set(each[c][l]), weight2, sum[c]);
+    }
+    for (int c = 0; c < 6; c++) lanes_store(each[c], sum[c]);
+    for (int a = 0; a < p->nodes; a++) {
+        // the offset is that in a field of 3 components
+        real *block = blocks + p->offset[a] / (3 * stride) * 6 * stride + p->offset[a] % (3 * stride);
+        for (size_t c = 0; c < 6; c++) block[c * stride] += each[c][a];
+    }
+}
+
+static void contact_add(const kn_model *model, const kn_work *work, const kn_contact *contact, bool blocks)
+{
+    for (const kn_contact_patch *p = contact->patch; p < contact->patch + contact->patch_count; p++) {
+        lanes force[3];
+        for (int k = 0; k < 3; k++) force[k] = contact_lanes(p, KN_CONTACT_FORCE + k);
+        contact_push(p, force, work->r, model->stride);
+        if (blocks) contact_stiffen(p, work->p, model->stride);
+    }
+}
+
+static double contact_product(const kn_model *model, const kn_work *work, const kn_contact *contact,
+                              const double (*velocity)[6])
+{
+    double total = 0;
+    for (const kn_contact_patch *p = contact->patch; p < contact->patch + contact->patch_count; p++) {
+        lanes rate[3], apart[3], force[3];
+        if (velocity)
+            for (int k = 0; k < 3; k++) rate[k] = contact_lanes(p, KN_CONTACT_RATE + k);
+        else contact_rate(p, work->d, model->stride, rate);
+        // apart: velocity of the skin relative to the tool
+        for (int k = 0; k < 3; k++) apart[k] = rate[k];
+        if (velocity && p->probe != KN_TABLE) {
+            const double *v = velocity[p->probe];
+            lanes turn[3], arm[3], around[3];
+            for (int k = 0; k < 3; k++) {
+                turn[k] = lanes_set((real)v[3 + k]);
+                arm[k] = contact_lanes(p, KN_CONTACT_ARM + k);
+            }
+            cross(turn, arm, around);
+            for (int k = 0; k < 3; k++) apart[k] = lanes_sub(apart[k], lanes_add(lanes_set((real)v[k]), around[k]));
+        }
+        contact_force(p, apart, force);
+        contact_push(p, force, work->q, model->stride);
+        total += lanes_sum(dot(rate, force));
+    }
+    return total;
 }
 
 #endif

@@ -30,16 +30,16 @@ static double carried(const kn_model *m, const kn_state *state, const kn_contact
 }
 
 // Return the ratio of the largest change of pressure in this step to the limit KN_IMPACT_PRESS, for tools other than
-// plates. The change is estimated as if the skin kept its last velocity. Above 1 the step is an impact.
-static double pressed(const kn_model *m, const kn_state *state, const kn_contact *contact)
+// plates. The change is estimated as if the skin kept the velocity of the guess. Above 1 the step is an impact.
+static double pressed(const kn_model *m, const kn_contact *contact)
 {
     double most = 0;
     for (int i = 0; i < contact->sample_count; i++) {
         const kn_sample *sample = &contact->sample[i];
         if (!sample->line.active || sample->probe == KN_TABLE) continue;
         // the rate of the pressure is the foundation's stiffness times the velocity of the skin relative to the tool
-        most = fmax(most, kn_probe_foundation(&m->def.probe[sample->probe]) *
-                              fabs(kn_sample_gap_rate(m, contact, sample, state->velocity)));
+        most =
+            fmax(most, kn_probe_foundation(&m->def.probe[sample->probe]) * fabs(kn_sample_gap_rate(contact, sample)));
     }
     return most * m->def.solver.dt_s / m->law.s1_pa / KN_IMPACT_PRESS;
 }
@@ -80,7 +80,7 @@ bool kn_impact(const kn_model *model, const kn_state *state, const kn_contact *c
     double power = kn_impact_power(model);
     // soon after an impact, a tenth of the power already counts as an impact
     double least = state->residual_scale > KN_IMPACT_RECENT * power ? KN_IMPACT_AFTER : 1;
-    return rz > least * power || carried(model, state, contact) > 1 || pressed(model, state, contact) > 1;
+    return rz > least * power || carried(model, state, contact) > 1 || pressed(model, contact) > 1;
 }
 
 typedef struct punch { // a plate that strikes the object from above; letters a, h as in step_effort.h
@@ -199,9 +199,9 @@ enum {
     LAW = 4,            // without Newton's method, evaluating the law takes 1/LAW of the time of a linearisation
     F64_TIMES = 2,
     SAMPLE_FIND = 100,
-    SAMPLE_LINE = 120,
-    SAMPLE_ITERATION = 35,
-    SAMPLE_LOOK = 100, // per sample and per look at the contact; all SAMPLE prices are doubled if a tool is coupled
+    SAMPLE_LINE = 80,
+    SAMPLE_ITERATION = 10,
+    SAMPLE_LOOK = 60, // per sample and per look at the contact; all SAMPLE prices are doubled if a tool is coupled
     HOLD_LINE = 20,
     NODE_GUESS = 18
 };

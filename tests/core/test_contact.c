@@ -92,7 +92,7 @@ static double place_of(const lattice *l, const kn_sample *s, double at[3])
     double sum = 0, x[3];
     memset(at, 0, 3 * sizeof *at);
     for (int a = 0; a < 9; a++) {
-        kn_state_position(l->model, l->state, s->node[a], x);
+        kn_state_position(l->model, l->state, s->patch->node[a], x);
         sum += s->weight[a];
         for (int k = 0; k < 3; k++) at[k] += s->weight[a] * x[k];
     }
