@@ -381,6 +381,7 @@ EDGE_PASS(stroke, ((const tables *)model->tables)->law.kind, true, again, K, ONE
 EDGE_PASS(voigt, KN_LAW_VOIGT, false, again, K, ONE_ROW, bool again, int K)
 EDGE_PASS(linear, KN_LAW_LINEAR, false, again, K, ONE_ROW, bool again, int K)
 EDGE_PASS(table_1, KN_LAW_TABLE, false, false, 1, ONE_ROW)
+EDGE_PASS(table_2, KN_LAW_TABLE, false, false, 2, ONE_ROW)
 EDGE_PASS(table, KN_LAW_TABLE, false, again, K, ONE_ROW, bool again, int K)
 EDGE_PASS(exact, KN_LAW_EXACT, false, again, K, ONE_ROW, bool again, int K)
 
@@ -397,7 +398,9 @@ static double edge(const kn_model *model, kn_state *state, const kn_work *work, 
     case KN_LAW_VOIGT: return edge_voigt(model, state, work, how, again, K);
     case KN_LAW_LINEAR: return edge_linear(model, state, work, how, again, K);
     case KN_LAW_TABLE:
-        return K == 1 && !again ? edge_table_1(model, state, work, how) : edge_table(model, state, work, how, again, K);
+        if (K == 1 && !again) return edge_table_1(model, state, work, how);
+        if (K == 2 && !again) return edge_table_2(model, state, work, how);
+        return edge_table(model, state, work, how, again, K);
     default: return edge_exact(model, state, work, how, again, K);
     }
 }
@@ -409,9 +412,10 @@ typedef struct products {
     lanes x[3], d[3], q[3];
 } products;
 
-// Add the product of sixteen edges, g (g . gap), to q at both ends. `gap` is the difference of the search direction d
-// between the near end and the far end.
-LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, products *own)
+// Add the product of sixteen edges, g (g . gap), to q at their near ends, and subtract it from `far` at their far ends.
+// `gap` is the difference of the search direction d between the near end and the far end.
+LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int to, int k, int s, int e, products *own,
+                                lanes far[3])
 {
     lanes g[3], gap[3];
     for (int c = 0; c < 3; c++) {
@@ -422,13 +426,86 @@ LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int t
     }
     lanes force = dot(g, gap);
     if (LEAN) force = lanes_mul(force, lanes_load(f->g + at(f->K, row, KN_FORWARD, e, k)));
-    int vector = near_vector(f->K, k, s);
     for (int c = 0; c < 3; c++) {
         lanes push = lanes_mul(g[c], force);
-        real *other = f->q + at(f->K, to, 3, c, vector);
         own->q[c] = lanes_add(own->q[c], push);
-        lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, push, k, s)));
+        far[c] = lanes_sub(far[c], turn(f->K, push, k, s));
     }
+}
+
+// Load or store the three components of vector k of a row of q.
+LANES_INLINE void load_q(const fields *f, int row, int k, lanes q[3])
+{
+    for (int c = 0; c < 3; c++) q[c] = lanes_load(f->q + at(f->K, row, 3, c, k));
+}
+LANES_INLINE void store_q(const fields *f, int row, int k, const lanes q[3])
+{
+    for (int c = 0; c < 3; c++) lanes_store(f->q + at(f->K, row, 3, c, k), q[c]);
+}
+
+LANES_INLINE void load_own(const fields *f, int row, int k, products *own)
+{
+    for (int c = 0; c < 3; c++) {
+        if (LEAN) own->x[c] = lanes_load(f->x + at(f->K, row, 3, c, k));
+        own->d[c] = lanes_load(f->d + at(f->K, row, 3, c, k));
+        own->q[c] = lanes_set(0);
+    }
+}
+
+// Add the products of the forward edge within a row, from vector k.
+LANES_INLINE void product_along(const tables *t, const fields *f, int row, int k, products *own)
+{
+    lanes next[3];
+    load_q(f, row, near_vector(f->K, k, 1), next);
+    product_edges(t, f, row, row, k, 1, 0, own, next);
+    store_q(f, row, near_vector(f->K, k, 1), next);
+}
+
+// Add the products of all forward edges of vector k of a row: first the edge within the row, then three edges to each of
+// four other rows. With one vector per row, the sums at the far ends stay in registers.
+LANES_INLINE void product_one(const tables *t, const fields *f, int row, int b, int c, int k)
+{
+    products own;
+    load_own(f, row, k, &own);
+    product_along(t, f, row, k, &own);
+    for (int g = 0; g < 4; g++) {
+        const int to = group_row(t, row, b, c, g);
+        lanes far[3];
+        if (to < 0) continue;
+        load_q(f, to, near_vector(f->K, k, -1), far);
+        UNROLL(3)
+        for (int s = -1; s <= 1; s++) {
+            if (f->K > 1 && s > -1) load_q(f, to, near_vector(f->K, k, s), far);
+            product_edges(t, f, row, to, k, s, 1 + 3 * g + s + 1, &own, far);
+            if (f->K > 1 || s == 1) store_q(f, to, near_vector(f->K, k, s), far);
+        }
+    }
+    for (int i = 0; i < 3; i++) store_add(f->q + at(f->K, row, 3, i, k), own.q[i]);
+}
+
+// Do the work of product_one for both vectors of a row, with all sums at the far ends in registers.
+LANES_INLINE void product_two(const tables *t, const fields *f, int row, int b, int c)
+{
+    products own[2];
+    for (int k = 0; k < 2; k++) {
+        load_own(f, row, k, &own[k]);
+        product_along(t, f, row, k, &own[k]);
+    }
+    for (int g = 0; g < 4; g++) {
+        const int to = group_row(t, row, b, c, g);
+        lanes far[2][3];
+        if (to < 0) continue;
+        for (int k = 0; k < 2; k++) load_q(f, to, k, far[k]);
+        UNROLL(2)
+        for (int k = 0; k < 2; k++) {
+            UNROLL(3)
+            for (int s = -1; s <= 1; s++)
+                product_edges(t, f, row, to, k, s, 1 + 3 * g + s + 1, &own[k], far[near_vector(2, k, s)]);
+        }
+        for (int k = 0; k < 2; k++) store_q(f, to, k, far[k]);
+    }
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 3; i++) store_add(f->q + at(2, row, 3, i, k), own[k].q[i]);
 }
 
 // Compute the new search direction d = z + beta d and the product q = A d of edges and mass. Return d.q.
@@ -444,23 +521,8 @@ LANES_INLINE double apply_rows(const kn_model *model, const kn_state *state, con
         lanes plane = lanes_set(0);
         for (int b = 0; b < t->rows; b++, row++) {
             for (; ready < t->row_count && ready <= row + t->rows + 1; ready++) next_direction(&f, ready, beta);
-            for (int k = 0; k < f.K; k++) {
-                products own;
-                for (int i = 0; i < 3; i++) {
-                    if (LEAN) own.x[i] = lanes_load(f.x + at(f.K, row, 3, i, k));
-                    own.d[i] = lanes_load(f.d + at(f.K, row, 3, i, k));
-                    own.q[i] = lanes_set(0);
-                }
-                // first the forward edge within the row, then three edges to each of four other rows
-                product_edges(t, &f, row, row, k, 1, 0, &own);
-                for (int g = 0; g < 4; g++) {
-                    int to = group_row(t, row, b, c, g);
-                    if (to < 0) continue;
-                    UNROLL(3)
-                    for (int s = -1; s <= 1; s++) product_edges(t, &f, row, to, k, s, 1 + 3 * g + s + 1, &own);
-                }
-                for (int i = 0; i < 3; i++) store_add(f.q + at(f.K, row, 3, i, k), own.q[i]);
-            }
+            if (f.K == 2) product_two(t, &f, row, b, c);
+            for (int k = 0; k < f.K && f.K != 2; k++) product_one(t, &f, row, b, c, k);
             // add the product of the mass; the products of all edges that end in this row have been added
             for (int k = 0; k < f.K; k++) {
                 lanes mass = mass_of(t, b, c, k);
@@ -480,7 +542,9 @@ LANES_INLINE double apply_rows(const kn_model *model, const kn_state *state, con
 static double apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
 {
     int K = model->grid.vectors;
-    double dq = K == 1 ? apply_rows(model, state, work, beta, 1) : apply_rows(model, state, work, beta, K);
+    double dq = K == 1   ? apply_rows(model, state, work, beta, 1)
+                : K == 2 ? apply_rows(model, state, work, beta, 2)
+                         : apply_rows(model, state, work, beta, K);
     return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state, work);
 }
 
