@@ -20,7 +20,8 @@ static const double mesh_once_ns[3][2] = {{600, 1200}, {45, 175}, {40, 120}};
 static const double mesh_iteration_ns[3][2] = {{350, 390}, {10.5, 24}, {9.5, 21}};
 static const double element_ns = 11, element_iteration_ns = 5;
 
-// Computing time of the coarse level per iteration, ns: per SIMD lane, and per element of its matrix, with avx512 in f32.
+// Computing time of the coarse level per iteration, ns: per SIMD lane, and per element of its matrix, with avx512 in
+// f32.
 static const double coarse_ns = 0.9, coarse_element_ns = 0.06;
 
 // Computing times per node whose motion is interpolated from other nodes, ns. Such nodes exist in a composite (a

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_TICK_COST_H
 #define KN_CLIENTS_TICK_COST_H
-// Predicted computing time per tick for each part of a scene (lattice or mesh, coarse level, gas, contact of each tool). The
-// prediction uses sizes and measured rates; nothing is run.
+// Predicted computing time per tick for each part of a scene (lattice or mesh, coarse level, gas, contact of each
+// tool). The prediction uses sizes and measured rates; nothing is run.
 #include "core/model.h"
 
 typedef struct kn_tick_cost {

@@ -287,9 +287,9 @@ static void stay_in_plane(double normal[3])
     normal[2] = size > 0 ? normal[2] / size : 1;
 }
 
-// Add a sample at a point of the skin, and fill in the members that depend on the tool. Its first sample begins the patch
-// of `nodes` nodes. Return NULL if the point is too far from the tool, or if the skin there faces away from the tool. The
-// second condition keeps a tool from touching the far side of a thin block.
+// Add a sample at a point of the skin, and fill in the members that depend on the tool. Its first sample begins the
+// patch of `nodes` nodes. Return NULL if the point is too far from the tool, or if the skin there faces away from the
+// tool. The second condition keeps a tool from touching the far side of a thin block.
 static kn_sample *sample_at(const search *s, const double point[3], const double outwards[3], double area_m2,
                             kn_contact_patch **patch, int nodes, const int *node)
 {

@@ -35,8 +35,9 @@ typedef struct kn_work {
     void *d;     // (3) search direction of the conjugate gradients
     void *z;     // (3) preconditioned residual P r
     void *p;     // (6) diagonal blocks of the matrix while they are summed, then blocks of P: xx xy xz yy yz zz
-    // For each edge the vector sqrt(kappa weight ds/dw) n. Layout: block [row][13][x y z][stride], net [turn][x y z][16]
-    // (kernel_net.c). A block in f64 has one real per edge instead, kappa weight ds/dw / length^2, in [row][13][stride].
+    // For each edge the vector sqrt(kappa weight ds/dw) n. Layout: block [row][13][x y z][stride], net [turn][x y
+    // z][16] (kernel_net.c). A block in f64 has one real per edge instead, kappa weight ds/dw / length^2, in
+    // [row][13][stride].
     void *g;
     void *free;  // (3) 1 if a component is free, 0 if its velocity is prescribed
     void *whole; // (6) composite: diagonal blocks before constraints and inversion; else NULL
@@ -70,8 +71,8 @@ typedef struct kn_kernels {
     void (*restriction)(const kn_model *model, const kn_work *work);
     double (*coarse_solve)(const kn_model *model, const kn_work *work);
     void (*prolongation)(const kn_model *model, const kn_work *work);
-    // The contact (foundation.c), with the lanes of its patches. contact_rates stores the velocities of all samples in a
-    // field v, and adds J' dt K v to `wrench` of each coupled tool unless that is NULL. contact_add adds forces to r,
+    // The contact (foundation.c), with the lanes of its patches. contact_rates stores the velocities of all samples in
+    // a field v, and adds J' dt K v to `wrench` of each coupled tool unless that is NULL. contact_add adds forces to r,
     // and stiffnesses to the diagonal blocks if `blocks`. contact_product adds dt K (d - J V) of all samples to q, and
     // returns their part of d.q. V: velocities of the tools, after contact_rates with d; NULL: all 0.
     void (*contact_rates)(const kn_model *model, const struct kn_contact *contact, const void *field,

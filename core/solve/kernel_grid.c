@@ -461,8 +461,8 @@ LANES_INLINE void product_along(const tables *t, const fields *f, int row, int k
     store_q(f, row, near_vector(f->K, k, 1), next);
 }
 
-// Add the products of all forward edges of vector k of a row: first the edge within the row, then three edges to each of
-// four other rows. With one vector per row, the sums at the far ends stay in registers.
+// Add the products of all forward edges of vector k of a row: first the edge within the row, then three edges to each
+// of four other rows. With one vector per row, the sums at the far ends stay in registers.
 LANES_INLINE void product_one(const tables *t, const fields *f, int row, int b, int c, int k)
 {
     products own;

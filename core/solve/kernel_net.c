@@ -30,8 +30,8 @@ typedef struct tables {
     real *mass_dt;            // [rows][16] mass over dt [kg/s]; 1 in the padding, so that no block is singular
     real *weight;             // [rows][16] downward force [N]
     // Coarse level. coarse_cell: lowest coarse node of the cell that contains the nodes of a row; coarse_step: from a
-    // coarse node to the next one along x, y, z, 0 along an axis with one; coarse_place: places in the cell, 0 to 1 along
-    // x, y, z, then 1 if there is a node.
+    // coarse node to the next one along x, y, z, 0 along an axis with one; coarse_place: places in the cell, 0 to 1
+    // along x, y, z, then 1 if there is a node.
     int *coarse_cell, coarse_step[3];
     real *coarse_place; // [rows][4][16]
     // Gas. cells: number of cells, 0 without gas; sides: number of sides from a cell's first corner; corner

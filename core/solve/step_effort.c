@@ -174,8 +174,8 @@ bool kn_impact_guess(const kn_model *model, const kn_state *state, kn_work *work
 
 // --- deadline -------------------------------------------------------------------------------------------------------
 
-// Prices: estimated units of work for each part of a step. A price is per lane (LANE, NET, GAS, RIGID, COARSE), per cell
-// of a net (CELL), per tied node (TIE), per sample (SAMPLE) or per held node (HOLD). LINE is one linearisation of
+// Prices: estimated units of work for each part of a step. A price is per lane (LANE, NET, GAS, RIGID, COARSE), per
+// cell of a net (CELL), per tied node (TIE), per sample (SAMPLE) or per held node (HOLD). LINE is one linearisation of
 // the law, ITERATION one iteration. The prices are nanoseconds on a Sapphire Rapids in f32, fitted to the ticks of
 // bench_strike. If a price is too small, steps with much of this part take longer than estimated. If a price is too
 // large, the deadline caps such steps too early.
