@@ -62,7 +62,7 @@ typedef struct kn_grid {
 // One edge of a lattice in a plain list, which Runge-Kutta, tests and drawing use.
 typedef struct kn_edge {
     int i, j;      // node ids; the edge runs from i to j
-    int slot;      // index of the edge's strain in the field [row][13][K][16]
+    int slot;      // index of the edge's strain in the field `strain`; block: [row][13][K][16]
     double weight; // ratio of the edge's stiffness to that of an inner side; factor of k1, c1, c2 and stress area
     double rest_m; // rest length L0 [m]
 } kn_edge;

@@ -39,7 +39,7 @@ static const double law_share[] = {
 static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
 // Number of floating-point operations (FLOPS) and of real numbers moved (REALS), per edge, per node and per element of
-// gas. They were counted in core/kernel*.[ch].
+// gas. They were counted in core/solve/kernel*.[ch].
 enum {
     EDGE_FLOPS = 95,
     LAW_FLOPS = 27,

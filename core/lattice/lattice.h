@@ -16,8 +16,10 @@
 // the body creep like the 1-D element of the material. gamma is a property of the mesh, 0.55 to 0.9, and is also
 // fitted.
 //
-// Memory. A row of a field is one node, with its components side by side. The list of edges is sorted by the lower of
-// the two node ids of an edge.
+// Memory. A row of a field holds sixteen nodes, as in a block. The nodes of a cell of the coarse level
+// (core/solve/coarse.h) begin a row and follow one another, those with the most edges first; ids are the mesh's. The
+// list of edges is sorted by the lower of the two node ids of an edge; strains are in the order of the edges' ends in
+// memory.
 #include "core/solve/kernel.h"
 
 #define KN_NO_MEMORY "not enough memory for the model"

@@ -8,17 +8,19 @@
 #include <string.h>
 
 // Number of coarse nodes: one for every NODES_EACH nodes, but at least LEAST and at most MOST. More than MOST bring
-// nothing up to 16 820 nodes, where their product takes 8 % of an iteration. A cell is at least 2 spacings long.
+// nothing up to 16 820 nodes, where their product takes 8 % of an iteration. No cell is divided into cells shorter than
+// 2 spacings. The order of a net's nodes in memory, and so its snapshots, depends on these numbers.
 #define NODES_EACH 50
 #define LEAST 27
 #define MOST 100
 // A lattice with fewer nodes, held by its support, has no coarse level: it takes 4 iterations anyway. One that nothing
-// holds takes twice as many without a coarse level, however small it is.
+// holds takes twice as many without a coarse level, however small it is. But a small net has none, so that the order of
+// its nodes does not depend on its support.
 #define SMALLEST 500
 // The rigid motions of an object that its support does not hold depend on the contact, which Ac does not contain. Here
 // they get this share of the largest diagonal as resistance, so that the coarse level leaves them to kn_rigid
-// (solver_implicit.c). A share of 1000 would stop other motions, too: under a plate that holds nodes, a third more
-// iterations.
+// (solver_implicit.c), or in flat objects and composites, which have none, to the blocks. A share of 1000 would stop
+// other motions, too: under a plate that holds nodes, a third more iterations.
 #define RIGID_SHARE 0.03
 
 // Return the axis along which the cells are longest and can be divided once more, or -1 if there is none.
@@ -57,7 +59,7 @@ bool kn_coarse_plan(kn_model *m)
     double first_m[3] = {0}, extent_m[3];
     if (m->def.solver.kind != KN_SOLVER_IMPLICIT) return true;
     const int nodes = box_of(m, first_m, extent_m);
-    if (nodes < SMALLEST && m->def.support < KN_SUPPORT_NONE) return true;
+    if (nodes < SMALLEST && (m->def.mesh || m->def.support < KN_SUPPORT_NONE)) return true;
     const int most = nodes / NODES_EACH < LEAST ? LEAST : nodes / NODES_EACH > MOST ? MOST : nodes / NODES_EACH;
     kn_coarse *c = m->coarse = calloc(1, sizeof *c);
     if (!c) return false;
@@ -96,7 +98,7 @@ static size_t transfer_reals(const kn_model *block, const kn_coarse *coarse)
 {
     const kn_grid *g = &block->grid;
     const size_t rows = (size_t)coarse->nodes[g->axis[1]] + 1, planes = (size_t)coarse->nodes[g->axis[2]] + 1;
-    return (planes + (size_t)g->len[2]) * rows * 3 * kn_grid_stride(g);
+    return (planes + 1) * rows * 3 * kn_grid_stride(g);
 }
 
 size_t kn_coarse_reals(const kn_model *m)

@@ -73,6 +73,7 @@ static size_t lane_reals(int nodes, int samples) { return (size_t)(KN_CONTACT_WE
 
 #define PER_PATCH_MAX 4 // largest number of samples along a side of a patch
 #define SAMPLES_MAX (PER_PATCH_MAX * PER_PATCH_MAX)
+_Static_assert(SAMPLES_MAX <= KN_LANES, "the samples of a patch are the lanes of a vector");
 
 // Return the number of nodes of a tool's patch.
 static int patch_nodes(const kn_model *model) { return model->skin_count > 0 ? 3 : 9; }
@@ -95,7 +96,7 @@ void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
     *contact = (kn_contact){.hold_max = model->top_count,
                             .sample_max = kn_contact_samples(model),
                             .patch_max = model->base_count + tool_patches(model)};
-    contact->lanes = memory;
+    contact->lanes = contact->lanes_free = memory;
     contact->sample = (kn_sample *)(void *)((char *)memory + lane_bytes(model));
     contact->patch = (kn_contact_patch *)(void *)(contact->sample + contact->sample_max);
     contact->hold = (kn_held_node *)(void *)(contact->patch + contact->patch_max);
@@ -107,18 +108,18 @@ void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
 static kn_contact_patch *add_patch(const kn_model *model, kn_contact *contact, int probe, int nodes, const int *node,
                                    int samples)
 {
-    const kn_contact_patch *last = contact->patch + contact->patch_count - 1;
     const size_t bytes = kn_model_real(model) * lane_reals(nodes, samples);
-    if (contact->patch_count == contact->patch_max) return NULL;
+    const size_t room = (size_t)((char *)contact->sample - contact->lanes_free);
+    if (contact->patch_count == contact->patch_max || bytes > room) return NULL;
     kn_contact_patch *p = &contact->patch[contact->patch_count];
     *p = (kn_contact_patch){.probe = probe, .first = contact->sample_count, .nodes = nodes};
-    p->lanes = contact->patch_count > 0 ? (char *)last->lanes + contact->last_bytes : contact->lanes;
+    p->lanes = contact->lanes_free;
     for (int a = 0; a < nodes; a++) {
         p->node[a] = node[a];
         p->offset[a] = model->offset[node[a]];
     }
     memset(p->lanes, 0, kn_model_real(model) * lane_reals(nodes, 0));
-    contact->last_bytes = bytes;
+    contact->lanes_free += bytes;
     contact->patch_count++;
     return p;
 }
@@ -130,6 +131,7 @@ static kn_contact_patch *add_patch(const kn_model *model, kn_contact *contact, i
         to[(KN_CONTACT_NORMAL + k) * KN_LANES] = (real)s->normal[k];                                                   \
         to[(KN_CONTACT_ARM + k) * KN_LANES] = (real)s->arm_m[k];                                                       \
     }                                                                                                                  \
+    memset(spread, 0, KN_LANES * sizeof *spread);                                                                      \
     for (int a = 0; a < p->nodes; a++) {                                                                               \
         to[(KN_CONTACT_WEIGHT + a) * KN_LANES] = (real)s->weight[a];                                                   \
         spread[a] = (real)s->weight[a];                                                                                \
@@ -452,8 +454,7 @@ static void sample_patch(const search *s, const patch *p)
         }
         kn_sample *sample = sample_at(s, point, outwards, area, &samples, 9, p->node);
         if (!sample) continue;
-        sample->face = (int)(p->face - model->face);
-        sample->key = key_of(s->probe, sample->face, p->v * p->face->len[0] + p->u, i);
+        sample->key = key_of(s->probe, (int)(p->face - model->face), p->v * p->face->len[0] + p->u, i);
         for (int a = 0; a < 9; a++) sample->weight[a] = u[a % 3] * v[a / 3];
         add_lane(model, samples, sample);
     }
@@ -687,6 +688,7 @@ void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *inp
 {
     // first the table, then every tool, so that the keys of the samples ascend
     contact->hold_count = contact->sample_count = contact->patch_count = 0;
+    contact->lanes_free = contact->lanes;
     contact->coupled = false;
     find_table_samples(model, state, contact);
     for (int p = 0; p < model->def.probe_count; p++) {

@@ -1,7 +1,7 @@
 #ifndef KN_CORE_SOLVE_CONTACT_H
 #define KN_CORE_SOLVE_CONTACT_H
 // Contact of rigid tools with the object. This module does the geometry: it lists the held nodes and the pressing
-// samples, which are points of the skin near tools. All solvers use the two lists.
+// samples, which are points of the skin near tools. All solvers use these lists.
 //
 // Plate. The plate holds the top nodes that it reaches: held nodes move with the plate's velocity, so the plate sticks.
 // A plate without friction holds only their height. The residual that the lattice leaves on a held node is the contact
@@ -64,16 +64,16 @@ typedef struct kn_contact_patch {
 
 enum { // vectors of kn_contact_patch.lanes
     KN_CONTACT_NORMAL = 0,
-    KN_CONTACT_ALONG = 3, // stiffness times dt along the normal, beyond that along the skin
-    KN_CONTACT_SIDE = 4,  // stiffness times dt along the skin
-    KN_CONTACT_ARM = 5,
+    KN_CONTACT_ALONG = 3,               // dt times the stiffness along the normal, less that along the skin
+    KN_CONTACT_SIDE = 4,                // dt times the stiffness along the skin
+    KN_CONTACT_ARM = 5,                 // vector from the tool's position to the sample
     KN_CONTACT_RATE = 8,                // velocity of the skin in the last field that contact_rates was given
-    KN_CONTACT_FORCE = KN_CONTACT_RATE, // for contact_add: forces to add
+    KN_CONTACT_FORCE = KN_CONTACT_RATE, // only while contact_add is called: the forces to add
     KN_CONTACT_WEIGHT = 11
 };
 
 typedef struct kn_sample { // a point of the skin near a tool
-    int probe, face;
+    int probe;
     const kn_contact_patch *patch;
     double weight[9];      // share of each node in the sample's position and force; the sum is 1
     double normal[3];      // unit vector in the direction in which the tool pushes the skin
@@ -108,9 +108,8 @@ typedef struct kn_contact { // contact of all tools and the table in one step; p
     int hold_count, hold_max;
     int sample_count, sample_max;
     int patch_count, patch_max;
-    void *lanes;          // memory of all kn_contact_patch.lanes
-    size_t last_bytes;    // bytes of the lanes of the newest patch
-    int64_t samples_lost; // number of samples dropped because `sample` or `patch` was full
+    char *lanes, *lanes_free; // memory of all kn_contact_patch.lanes; it ends where `sample` begins
+    int64_t samples_lost;     // number of samples dropped because `sample` or `patch` was full
     kn_tool_step tool[KN_PROBES_MAX];
     bool coupled; // at least one tool is tied to its pose by a virtual coupling (tool.h)
 } kn_contact;

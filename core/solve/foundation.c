@@ -190,10 +190,8 @@ double kn_foundation_apply(const kn_model *model, kn_scratch *scratch)
     if (!c->coupled) return model->kernels->contact_product(model, &scratch->work, c, NULL);
     // all samples of a coupled tool together determine its velocity V = G^-1 sum J' dt K d
     model->kernels->contact_rates(model, c, scratch->work.d, v);
-    for (int p = 0; p < model->def.probe_count; p++) {
+    for (int p = 0; p < model->def.probe_count; p++)
         if (c->tool[p].coupled) kn_six_solve((const double(*)[6])c->tool[p].factor, v[p]);
-        else memset(v[p], 0, sizeof v[p]);
-    }
     return model->kernels->contact_product(model, &scratch->work, c, (const double(*)[6])v);
 }
 

@@ -113,8 +113,8 @@ static inline size_t kn_work_records(const kn_model *m)
     return 4 * (each * (size_t)m->row_count * KN_LANES + 2 * (m->edge_reals + 1));
 }
 
-// Return true if nothing but contact and gravity holds the object. The preconditioner then has a second level, the
-// rigid motions (solver_implicit.c). A step in which a plate holds nodes does not use the second level.
+// Return true if nothing but contact and gravity holds the object. The preconditioner then has a level of the
+// rigid motions (solver_implicit.c). A step in which a plate holds nodes does not use this level.
 bool kn_rigid_wanted(const kn_model *model);
 
 #endif

@@ -2,10 +2,10 @@
 // file is a part of kernel_grid.c, which includes it.
 //
 // T is trilinear, so it is done axis by axis: along the row in lanes, then from row to row, then from plane to plane.
-// The sums over the nodes of a plane are kept until those of all planes are added, in their order.
+// The sums over the nodes of a plane are added to the coarse planes in the order of the planes.
 //
 //     work.coarse:  r_c [padded]   z_c [padded]   sums [coarse planes + 1][coarse rows + 1][3][K][16]
-//                   planes [planes][coarse rows + 1][3][K][16]
+//                   one plane [coarse rows + 1][3][K][16]
 //
 // An axis with a single coarse node has a second one, of weight 0, so that every place has a node above it.
 
@@ -24,7 +24,7 @@ LANES_INLINE int coarse_below(real place, int n, real *above)
 typedef struct transfer {
     int K, nodes[3], step[3], first[3], last[3];
     size_t row, plane;
-    real *r, *z, *sums, *planes;
+    real *r, *z, *sums, *one;
 } transfer;
 
 LANES_INLINE transfer transfer_of(const kn_model *model, const kn_work *work, int K)
@@ -46,7 +46,7 @@ LANES_INLINE transfer transfer_of(const kn_model *model, const kn_work *work, in
     x.r = work->coarse;
     x.z = x.r + coarse->padded;
     x.sums = x.z + coarse->padded;
-    x.planes = x.sums + (size_t)(x.nodes[2] + 1) * x.plane;
+    x.one = x.sums + (size_t)(x.nodes[2] + 1) * x.plane;
     return x;
 }
 
@@ -64,7 +64,7 @@ LANES_INLINE void next_coarse_row(real *row, int K, int k, lanes low[3], lanes h
 LANES_INLINE void restrict_plane(const tables *t, const transfer *x, const kn_work *work, int c)
 {
     const real *r = work->r, *free = work->free;
-    real *plane = x->planes + (size_t)c * x->plane;
+    real *plane = x->one;
     const lanes zero = lanes_set(0);
     for (int k = 0; k < x->K; k++) {
         lanes low[3] = {zero, zero, zero}, high[3] = {zero, zero, zero};
@@ -110,20 +110,20 @@ LANES_INLINE void restrict_block(const kn_model *model, const kn_work *work, int
     const tables *t = model->tables;
     const transfer x = transfer_of(model, work, K);
     const size_t from = (size_t)x.first[1] * x.row, to = (size_t)(x.last[1] + 1) * x.row;
-    for (int c = 0; c < t->planes; c++) restrict_plane(t, &x, work, c);
-    // add the planes to the coarse planes, in their order
+
     for (int c = x.first[2]; c <= x.last[2]; c++)
         memset(x.sums + (size_t)c * x.plane + from, 0, (to - from) * sizeof(real));
     for (int c = 0; c < t->planes; c++) {
         real above, *sum = x.sums + (size_t)coarse_below(t->plane_place[c], x.nodes[2], &above) * x.plane;
         const lanes up = lanes_set(above), down = lanes_set(1 - above);
+        restrict_plane(t, &x, work, c);
         for (size_t o = from; o < to; o += KN_LANES) {
-            const lanes value = lanes_load(x.planes + (size_t)c * x.plane + o);
+            const lanes value = lanes_load(x.one + o);
             lanes_store(sum + o, lanes_fma(down, value, lanes_load(sum + o)));
             lanes_store(sum + x.plane + o, lanes_fma(up, value, lanes_load(sum + x.plane + o)));
         }
     }
-    // an axis with a single coarse node has no second one
+    // r_c has no place for the second node of an axis with a single one
     for (int c = x.first[2]; c <= x.last[2] && c < x.nodes[2]; c++)
         for (int b = x.first[1]; b <= x.last[1] && b < x.nodes[1]; b++) restrict_row(t, &x, b, c, model->grid.len[0]);
 }
@@ -153,7 +153,7 @@ LANES_INLINE void prolong_block(const kn_model *model, const kn_work *work, int 
     for (int c = x.first[2]; c <= x.last[2] && c < x.nodes[2]; c++)
         for (int b = x.first[1]; b <= x.last[1] && b < x.nodes[1]; b++) prolong_row(t, &x, b, c);
     for (int c = 0, row = 0; c < t->planes; c++) {
-        real above, *plane = x.planes + (size_t)c * x.plane;
+        real above, *plane = x.one;
         const real *from = x.sums + (size_t)coarse_below(t->plane_place[c], x.nodes[2], &above) * x.plane;
         lanes up = lanes_set(above), down = lanes_set(1 - above);
         for (size_t o = first; o < end; o += KN_LANES) {

@@ -16,7 +16,7 @@ enum { ROWS_TOGETHER = 16, RECORD = 4 };
 
 typedef struct tables {
     law_tables law; // must be first: its arrays are then aligned to 64 bytes like the block
-    int rows, edges, batches, turns;
+    int rows, batches;
     int (*ends)[2][KN_LANES]; // [batches] offsets of the records of both ends; the padding repeats the first edge
     real *rest;               // [batches][3][16] rest vector [m]; the padding repeats that of the first edge
     real *scale;              // [batches][16] factor 1/(gamma L0) from length to strain [1/m]
@@ -77,7 +77,7 @@ static void fill_edges(const kn_model *m, tables *t, char **next)
 {
     const double a = m->law.a_pa_s;
     const size_t edges = m->edge_reals * sizeof(real);
-    t->edges = m->edge_count;
+
     t->batches = (int)(m->edge_reals / KN_LANES);
     t->ends = take(next, (size_t)t->batches * sizeof *t->ends);
     t->rest = take(next, 3 * edges);
@@ -104,7 +104,7 @@ static void fill_edges(const kn_model *m, tables *t, char **next)
 static void fill_turns(const kn_model *m, tables *t, char **next)
 {
     const size_t turns = m->product_reals / (3 * KN_LANES);
-    t->turns = (int)turns;
+
     t->first = take(next, ((size_t)t->rows + 1) * sizeof(int));
     t->other = take(next, turns * sizeof *t->other);
     t->edge = take(next, turns * sizeof *t->edge);
@@ -652,12 +652,12 @@ static void restriction(const kn_model *model, const kn_work *work)
     const tables *t = model->tables;
     real *to = work->coarse;
     for (int row = 0; row < t->rows;) {
-        const int cell = row;
+        const int first = row;
         lanes sum[8][3];
         for (int c = 0; c < 8; c++)
             for (int k = 0; k < 3; k++) sum[c][k] = lanes_set(0);
         // the rows of one cell follow one another
-        for (; row < t->rows && t->coarse_cell[row] == t->coarse_cell[cell]; row++) {
+        for (; row < t->rows && t->coarse_cell[row] == t->coarse_cell[first]; row++) {
             lanes weight[8], r[3];
             corner_weights(t, row, weight);
             for (int k = 0; k < 3; k++) r[k] = free_value(work, work->r, row, k);
@@ -667,7 +667,7 @@ static void restriction(const kn_model *model, const kn_work *work)
         for (int c = 0; c < 8; c++) {
             real each[3];
             sum_lanes(sum[c], each);
-            for (int k = 0; k < 3; k++) to[corner_of(t, cell, c) + k] += each[k];
+            for (int k = 0; k < 3; k++) to[corner_of(t, first, c) + k] += each[k];
         }
     }
 }

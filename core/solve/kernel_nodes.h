@@ -1,7 +1,8 @@
 #ifndef KN_CORE_SOLVE_KERNEL_NODES_H
 #define KN_CORE_SOLVE_KERNEL_NODES_H
-// What the kernels do at nodes, sixteen at a time: a row holds K vectors of nodes, in a net one. Sums over nodes are
-// added row by row within a block of rows, then block by block. A block of rows is a plane of a block of nodes.
+// Work of the kernels at nodes, sixteen at a time: a row holds K vectors of nodes, in a net one. Sums over nodes are
+// added row by row within a group of rows, then group by group. A group is a plane of a block, or sixteen rows of a
+// net.
 #include "core/solve/contact.h"
 #include "core/solve/kernel_law.h"
 

@@ -64,8 +64,9 @@ void kn_scratch_reset(const kn_model *model, kn_scratch *scratch);
 //     (M/dt + sum C n n') dv = M/dt (v_n - v*) + sum s* A n + f,   C = kappa W ds/dw > 0: always positive definite
 //
 // Here dv is the change of the nodes' velocities from v*, the velocity around which the laws are linearised. s* is the
-// stress at v*, v_n the velocity before the step, f the outside force. The solver is conjugate gradients with a 3x3
-// block-Jacobi preconditioner. It starts from the last velocity and searches first along the last change of velocity.
+// stress at v*, v_n the velocity before the step, f the outside force. The solver is conjugate gradients. Their
+// preconditioner has up to three levels: 3 x 3 blocks, the rigid motions of an object that nothing holds, and a few
+// coarse nodes (coarse.h). It starts from the last velocity and searches first along the last change of velocity.
 // The residual that remains on a prescribed node is the force that holds the node. Every step does `iterations`
 // iterations. A step does more only while the preconditioned residual exceeds `tolerance` times the largest residual of
 // the last second, and never more than `iterations_max`.
@@ -78,9 +79,8 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *scrat
 // --- foundation contact in the implicit step: foundation.c ----------------------------------------------------------
 
 // Foundation contact in the implicit step: the samples' forces at the end of the step and their stiffness in the
-// matrix. Samples of one patch of the skin are stored one after the other and share the patch's nodes. The nodes'
-// values are fetched and added once for all samples of a patch. With one sum per sample instead, the sums took three
-// quarters of the time of a ball's contact.
+// matrix. Samples of one patch of the skin are stored one after the other and share the patch's nodes. The kernels
+// compute the samples of a patch together, as the lanes of a vector (contact section of kernel_nodes.h).
 //
 // Symbols are those of contact.h. Let r be the skin's velocity at a sample, J V the tool's velocity there, and K = k n
 // n' + k_side (1 - n n') the sample's stiffness. The force on the skin is f = k depth n - k_side e - dt K (r - J V). If

@@ -67,7 +67,7 @@ static void add_external(const kn_model *m, kn_scratch *s, const kn_input *input
 
 // --- rigid motions --------------------------------------------------------------------------------------------------
 
-// The second level of the preconditioner: the six rigid motions of an object that nothing holds.
+// The rigid level of the preconditioner: the six rigid motions of an object that nothing holds.
 //
 //     z = P r + R (R'AR)^-1 R'r        R: [nodes] (v, w) -> v + w x (x - centre)
 //
@@ -154,7 +154,7 @@ static void rigid_begin(const kn_model *model, const kn_state *state, kn_scratch
         for (size_t k = 0; k < 3; k++) out[k * stride + i] += (real)v[k] * (real)here[i];                              \
     }
 
-// Add the second level of the preconditioner, R (R'AR)^-1 R'r, to work.z. Return the increase of r.z.
+// Add the rigid level of the preconditioner, R (R'AR)^-1 R'r, to work.z. Return the increase of r.z.
 static double rigid_add(const kn_model *model, kn_scratch *scratch)
 {
     const kn_rigid *rigid = &scratch->rigid;

@@ -65,10 +65,19 @@ static void same_bits(const char *what, kn_model_def def, double seconds)
     }
 }
 
+// Compare a model with a coarse level for 60 ms.
+static void same_bits_coarse(const char *what, kn_model_def def)
+{
+    OWN(kn_model) *model = build(&def);
+    CHECK(model->coarse);
+    same_bits(what, def, 0.06);
+}
+
 TEST("every instruction set of this processor gives the same bits: dough, jelly and clay, two resolutions, meshes, f32 "
      "and f64, with and without gas")
 {
     OWN(kn_simplices) *mesh = bcc_block((const int[3]){5, 5, 3}, 0.01);
+    OWN(kn_simplices) *cells = bcc_block((const int[3]){8, 7, 5}, 0.006);
     for (int precision = 0; precision < 2; precision++) {
         kn_model_def plate = press_def(1), ball = ball_def(1), net = press_def(1), fine = press_def(2);
         plate.solver.precision = ball.solver.precision = net.solver.precision = fine.solver.precision =
@@ -81,6 +90,19 @@ TEST("every instruction set of this processor gives the same bits: dough, jelly 
         fine.nodes[0] = fine.nodes[1] = 9, fine.nodes[2] = 13;
         memcpy(fine.fine, (int[2][3]){{2, 2, 6}, {6, 6, 12}}, sizeof fine.fine);
         same_bits("two resolutions", fine, 0.3);
+        // with a coarse level: two vectors per row, cells of two sizes, a mesh, and a coupled ball on a table
+        kn_model_def large = plate, parts = fine, table = ball_def(1);
+        large.nodes[0] = 20, large.nodes[1] = 6, large.nodes[2] = 5;
+        parts.nodes[0] = parts.nodes[1] = 15;
+        net.mesh = cells;
+        table.solver.precision = (kn_precision)precision;
+        table.support = KN_SUPPORT_FRICTION;
+        table.support_friction = table.probe[0].friction = 0.4;
+        table.probe[0].coupling_n_m = 600, table.probe[0].coupling_n_s_m = 1.5;
+        same_bits_coarse("two vectors", large);
+        same_bits_coarse("two resolutions", parts);
+        same_bits_coarse("mesh", net);
+        same_bits_coarse("coupled ball on a table", table);
         net.mesh = mesh;
         for (int pressure = 0; pressure < 3; pressure++)
             net.pressure = (kn_pressure)pressure, same_bits("mesh", net, 0.3);
