@@ -139,23 +139,21 @@ NIGHT_TEST("30 ms away with a fifth lost, the error grows by at most 2 points, t
     }
 }
 
-// A plate follows its pose rigidly. No device is stable with such a plate on dough, with or without a link: now and
-// then it bounces, one link of twelve. So the energy is the mean of four links that lose other poses and units.
+// A plate follows its pose rigidly. No device is stable with such a plate on dough, with or without a link. Of forty
+// links that lose other poses and units, three bounce once and return 1.3 to 4 mJ. This link does not, if the lattice
+// is solved well enough to say so.
 TEST("a rigid plate's unit covers all nodes ahead; 30 ms away the plate returns no energy, and on dough the unit "
      "expires within 10 ms")
 {
-    enum { LINKS = 4 };
-    double returned_mj[2] = {0};
-    for (int i = 0; i < 2 * LINKS; i++) {
-        const int on_jelly = i % 2;
+    for (int on_jelly = 0; on_jelly < 2; on_jelly++) {
         kn_model_def def = under_finger(on_jelly);
         def.probe[0] = (kn_probe_def){.name = "plate", .shape = KN_PROBE_PLATE, .size_m = {0.010, 0.060}};
+        def.solver.tolerance = 1e-5, def.solver.iterations_max = 300;
         OWN(rig) *r = rig_make(def, false);
         kn_held_device arm;
         kn_contact_unit ahead = {0}, pressed = {0};
         double given = 0, given_mj = 0;
         r->loss = 0.2;
-        r->random += (uint64_t)i / 2;
         kn_held_device_init(&arm, &device, (double[]){0, 0, TOP_M + 0.003});
         for (int n = 0; n < 2000; n++) {
             pose p = pose_of(&arm);
@@ -167,14 +165,12 @@ TEST("a rigid plate's unit covers all nodes ahead; 30 ms away the plate returns 
             given += hand_tick(&arm, r->force_n[0], way, rate);
             given_mj = fmax(given_mj, given);
         }
-        CHECK(given_mj <= 2); // a bounce: 1.3
-        returned_mj[on_jelly] += given_mj / LINKS;
+        CHECK(given_mj <= 0.5); // without the model: 750, 450
         CHECK_NEAR(ahead.a_n_s_per_m, pressed.a_n_s_per_m, 0.2 * pressed.a_n_s_per_m);
         CHECK(ahead.k_vc_n_per_m == 0 && pressed.k_vc_n_per_m == 0);
         CHECK(on_jelly ? pressed.valid_ms == 100 : pressed.valid_ms < 10);
         CHECK(!on_jelly || r->force_n[0][2] > 0.5);
     }
-    for (int k = 0; k < 2; k++) CHECK(returned_mj[k] <= 0.5); // without the model: 750, 450
 }
 
 TEST("a contact fit that observes the lattice does not change a bit of its state")
