@@ -364,8 +364,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *s, co
     const bool demand = kn_step_on_demand(model, s->effort.passes);
     int passes = kn_impact_lines(model, s->effort.passes);
     if (demand) s->effort.tolerance *= KN_LONG_SOLVED;
-    const double on_demand = model->def.pressure == KN_PRESSURE_NONE ? KN_LONG_LAW : KN_LONG_LAW_GAS;
-    const double unsolved = demand ? on_demand : s->effort.tolerance;
+    const double unsolved = demand ? kn_step_law(model, s->contact.hold_count > 0) : s->effort.tolerance;
     bool impact = false;
     // begin to count the work; if the deadline leaves time for too few linearisations and a plate strikes fast, start
     // from a guess of the flow under the plate

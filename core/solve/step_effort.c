@@ -58,6 +58,12 @@ bool kn_step_on_demand(const kn_model *model, int passes)
     return kn_step_is_long(model) && passes == 1 && !bends(model);
 }
 
+double kn_step_law(const kn_model *model, bool held)
+{
+    const double law = model->def.pressure == KN_PRESSURE_NONE ? KN_LONG_LAW : KN_LONG_LAW_GAS;
+    return held ? fmin(law, KN_LONG_LAW_PLATE_S / model->def.solver.dt_s) : law;
+}
+
 int kn_impact_lines(const kn_model *model, int passes)
 {
     if (kn_step_is_long(model) && passes == 1) return KN_LONG_LINES;
