@@ -128,11 +128,9 @@ void kn_contact_fit_reset(kn_contact_fit *fit)
 // Return the velocity of the skin at a sample, along the direction in which the tool pushes.
 static double skin_rate(const kn_model *m, const kn_state *state, const kn_sample *s)
 {
-    double rate = 0;
-    for (int a = 0; a < s->patch->nodes; a++)
-        for (size_t k = 0; k < 3; k++)
-            rate += s->weight[a] * s->normal[k] * kn_real_get(m, state->velocity, s->patch->offset[a] + k * m->stride);
-    return rate;
+    double v[3];
+    kn_sample_velocity(m, s, state->velocity, v);
+    return kn_dot(s->normal, v);
 }
 
 static bool several(const fitted *f) { return (f->used & (f->used - 1)) != 0; }

@@ -48,12 +48,10 @@ typedef struct piece { // a piece of the contact: a sample or a held node; vecto
 // Compute the tangential velocity of the skin relative to the tool at a sample.
 static void slip_of(const kn_model *m, const kn_contact *c, const kn_state *state, const kn_sample *s, double slip[3])
 {
-    kn_six_velocity(c->tool[s->probe].velocity, s->arm_m, slip);
-    for (size_t k = 0; k < 3; k++) {
-        slip[k] = -slip[k];
-        for (int a = 0; a < s->patch->nodes; a++)
-            slip[k] += s->weight[a] * kn_real_get(m, state->velocity, s->patch->offset[a] + k * m->stride);
-    }
+    double tool[3];
+    kn_six_velocity(c->tool[s->probe].velocity, s->arm_m, tool);
+    kn_sample_velocity(m, s, state->velocity, slip);
+    for (int k = 0; k < 3; k++) slip[k] -= tool[k];
     double along = kn_dot(slip, s->normal);
     for (int k = 0; k < 3; k++) slip[k] -= along * s->normal[k];
 }

@@ -87,7 +87,7 @@ static kn_tick_cost_part edges(const kn_model *m)
     // Work per CG iteration: the product with the matrix and the vectors. If only one real number is stored per edge,
     // each iteration computes the direction of the edge again.
     p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
-    if (m->product_reals == m->edge_reals) p.iteration.flops += edges * DIRECTION_FLOPS;
+    if (kn_work_lean(m)) p.iteration.flops += edges * DIRECTION_FLOPS;
     p.iteration.bytes = size * (kept + nodes * NODE_ITERATION_REALS);
     const bool mesh = m->def.mesh != NULL;
     p.once.us = 1e-3 * nodes * (mesh ? mesh_once_ns : once_ns)[isa_of(m)][f64] * law_share[m->law.kind];
@@ -163,8 +163,8 @@ static kn_tick_cost_part contact(const kn_model *m, int index)
         p.once = (kn_tick_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
         return p;
     }
-    // Number of contact samples per node spacing and direction, as in core/solve/contact.c.
-    double per = fmin(fmax(ceil(8 * h / m->shape[index].fine_m - 1e-9), 2), 4),
+    // Number of contact samples per node spacing and direction.
+    double per = kn_samples_per_patch(h, m->shape[index].fine_m),
            more = 1 + (probe->coupling_n_m > 0) + (probe->friction > 0);
     double extent_m[3];
     kn_model_def_extent(&m->def, extent_m);

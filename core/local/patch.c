@@ -573,8 +573,7 @@ static void assemble(kn_mobility *m)
     // a block in f64, w->g holds one real per edge, which is proportional to the stiffness. Otherwise it holds a vector
     // per edge, whose length is the root of the stiffness.
     const double softer = SLOWER / model->law.slope_rest;
-    const bool one = model->product_reals == model->edge_reals;
-    scale(model, w->g, model->product_reals, one ? softer : sqrt(softer));
+    scale(model, w->g, model->product_reals, kn_work_lean(model) ? softer : sqrt(softer));
     memset(m->rest->change, 0, kn_state_field(model, 3));
 }
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 // Number of coarse nodes: one for every NODES_EACH nodes, but at least LEAST and at most MOST. More than MOST bring
-// nothing up to 16 820 nodes, where their product takes 8 % of an iteration. No cell is divided into cells shorter than
+// nothing up to 16 820 nodes, where the coarse level takes an eighth of an iteration. No cell is divided into cells shorter than
 // 2 spacings. The order of a net's nodes in memory, and so its snapshots, depends on these numbers.
 #define NODES_EACH 50
 #define LEAST 27
@@ -75,14 +75,19 @@ bool kn_coarse_plan(kn_model *m)
     return true;
 }
 
+double kn_coarse_place(const kn_coarse *c, int axis, double x_m)
+{
+    const double most = c->nodes[axis] - 1;
+    return most > 0 ? fmin(most, fmax(0, (x_m - c->first_m[axis]) / c->cell_m[axis])) : 0;
+}
+
 void kn_coarse_cell(const kn_coarse *c, const double x_m[3], int cell[3], double place[3])
 {
     for (int k = 0; k < 3; k++) {
-        const double at =
-            c->cell_m[k] > 0 ? fmin(fmax(0, (x_m[k] - c->first_m[k]) / c->cell_m[k]), c->nodes[k] - 1) : 0;
-        cell[k] = (int)at;
+        place[k] = kn_coarse_place(c, k, x_m[k]);
+        cell[k] = (int)place[k];
         if (cell[k] > c->nodes[k] - 2) cell[k] = c->nodes[k] > 1 ? c->nodes[k] - 2 : 0;
-        place[k] = at - cell[k];
+        place[k] -= cell[k];
     }
 }
 

@@ -17,8 +17,12 @@
 // has none: model->coarse stays NULL. Return false if memory is short.
 bool kn_coarse_plan(kn_model *model);
 
+// Return the place of x_m along an axis, counted in coarse nodes, within the grid of coarse nodes. `c` counts from the
+// same point as x_m.
+double kn_coarse_place(const kn_coarse *c, int axis, double x_m);
+
 // Find the cell of coarse nodes that contains a place of the undeformed object: the number of its lowest corner along
-// x, y, z, and the place in the cell, 0 to 1. `c` counts from the same point as x_m.
+// x, y, z, and the place in the cell, 0 to 1.
 void kn_coarse_cell(const kn_coarse *c, const double x_m[3], int cell[3], double place[3]);
 
 // Compute and invert Ac once the model is complete. Return false if memory is short.

@@ -6,149 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-// --- sizes ----------------------------------------------------------------------------------------------------------
-
-// Return the number of samples along each side of a node's patch, 2 to 4. If samples are at most an eighth of a ball's
-// radius apart, the force of the sliding ball ripples by only 0.3 % per ms.
-static int samples_per_patch(double spacing_m, const kn_shape *shape)
-{
-    return (int)fmin(fmax(ceil(8 * spacing_m / shape->fine_m - 1e-9), 2), 4);
-}
-
-// Distance from the tool up to which a gripped sample is found, m. No grip is strong enough to stretch a contact as far
-// as this.
-#define GRIP_M 0.002
-
-// Return the largest distance from the tool, m, at which a sample can still come into contact in this step, with the
-// tool at rest.
-static double still_margin(const kn_model *model, const kn_probe_def *def)
-{
-    return 0.1 * model->def.spacing_m + def->adhesion_pa / kn_probe_foundation(def) + (def->grip_n > 0 ? GRIP_M : 0);
-}
-
-// Return an upper bound of the number of samples. It assumes that the lower half of every tool is pressed into the
-// skin, with a margin of one patch. The ball around a tool's shape stands for the tool.
-int kn_contact_samples(const kn_model *model)
-{
-    double count = model->base_count, h = model->def.spacing_m, patches = 0;
-    for (int f = 0; f < model->face_count; f++) patches += (double)model->face[f].len[0] * model->face[f].len[1];
-    patches += model->skin_count;
-    for (int p = 0; p < model->def.probe_count; p++) {
-        const kn_shape *shape = &model->shape[p];
-        if (model->def.probe[p].shape == KN_PROBE_PLATE) continue;
-        double per = samples_per_patch(model->composite ? INFINITY : h, shape);
-        double reach = (shape->bound_m + h + still_margin(model, &model->def.probe[p])) / h * per;
-        count += fmin(2 * 3.1416 * reach * reach, patches * per * per);
-    }
-    return (int)fmin(count, 1e8);
-}
-
-// Return true if the samples of this tool need anchors, because its contact sticks (friction, adhesion or grip).
-static bool sticks(const kn_probe_def *def)
-{
-    return def->shape != KN_PROBE_PLATE && (def->friction > 0 || def->adhesion_pa > 0 || def->grip_n > 0);
-}
-
-size_t kn_contact_anchors(const kn_model *model)
-{
-    bool any = model->def.support == KN_SUPPORT_FRICTION && model->def.support_friction > 0;
-    for (int p = 0; p < model->def.probe_count; p++) any |= sticks(&model->def.probe[p]);
-    return any ? (size_t)kn_contact_samples(model) : 0;
-}
-
-// Return an upper bound of the number of patches of all tools, as kn_contact_samples does for samples.
-static int tool_patches(const kn_model *model)
-{
-    double count = 0, h = model->def.spacing_m, patches = model->skin_count;
-    for (int f = 0; f < model->face_count; f++) patches += (double)model->face[f].len[0] * model->face[f].len[1];
-    for (int p = 0; p < model->def.probe_count; p++) {
-        const double reach = (model->shape[p].bound_m + still_margin(model, &model->def.probe[p])) / h + 2;
-        if (model->def.probe[p].shape != KN_PROBE_PLATE) count += fmin(2 * 3.1416 * reach * reach, patches);
-    }
-    return (int)fmin(count, 1e7);
-}
-
-// Return the number of reals of kn_contact_patch.lanes for a number of nodes and samples.
-static size_t lane_reals(int nodes, int samples) { return (size_t)(KN_CONTACT_WEIGHT + nodes + samples) * KN_LANES; }
-
-#define PER_PATCH_MAX 4 // largest number of samples along a side of a patch
-#define SAMPLES_MAX (PER_PATCH_MAX * PER_PATCH_MAX)
-_Static_assert(SAMPLES_MAX <= KN_LANES, "the samples of a patch are the lanes of a vector");
-
-// Return the number of nodes of a tool's patch.
-static int patch_nodes(const kn_model *model) { return model->skin_count > 0 ? 3 : 9; }
-
-// Return the bytes of the lanes of all patches.
-static size_t lane_bytes(const kn_model *model)
-{
-    return kn_model_real(model) * ((size_t)model->base_count * lane_reals(1, 1) +
-                                   (size_t)tool_patches(model) * lane_reals(patch_nodes(model), SAMPLES_MAX));
-}
-
-size_t kn_contact_bytes(const kn_model *model)
-{
-    return lane_bytes(model) + (size_t)(model->base_count + tool_patches(model)) * sizeof(kn_contact_patch) +
-           (size_t)kn_contact_samples(model) * sizeof(kn_sample) + (size_t)model->top_count * sizeof(kn_held_node);
-}
-
-void kn_contact_init(const kn_model *model, kn_contact *contact, void *memory)
-{
-    *contact = (kn_contact){.hold_max = model->top_count,
-                            .sample_max = kn_contact_samples(model),
-                            .patch_max = model->base_count + tool_patches(model)};
-    contact->lanes = contact->lanes_free = memory;
-    contact->sample = (kn_sample *)(void *)((char *)memory + lane_bytes(model));
-    contact->patch = (kn_contact_patch *)(void *)(contact->sample + contact->sample_max);
-    contact->hold = (kn_held_node *)(void *)(contact->patch + contact->patch_max);
-}
-
-// --- patches --------------------------------------------------------------------------------------------------------
-
-// Begin a patch without samples. Return NULL if there is no room.
-static kn_contact_patch *add_patch(const kn_model *model, kn_contact *contact, int probe, int nodes, const int *node,
-                                   int samples)
-{
-    const size_t bytes = kn_model_real(model) * lane_reals(nodes, samples);
-    const size_t room = (size_t)((char *)contact->sample - contact->lanes_free);
-    if (contact->patch_count == contact->patch_max || bytes > room) return NULL;
-    kn_contact_patch *p = &contact->patch[contact->patch_count];
-    *p = (kn_contact_patch){.probe = probe, .first = contact->sample_count, .nodes = nodes};
-    p->lanes = contact->lanes_free;
-    for (int a = 0; a < nodes; a++) {
-        p->node[a] = node[a];
-        p->offset[a] = model->offset[node[a]];
-    }
-    memset(p->lanes, 0, kn_model_real(model) * lane_reals(nodes, 0));
-    contact->lanes_free += bytes;
-    contact->patch_count++;
-    return p;
-}
-
-// Store what the kernels need of the newest sample of a patch. This macro holds the source for both precisions.
-#define LANE(real)                                                                                                     \
-    real *to = (real *)p->lanes + l, *spread = (real *)p->lanes + lane_reals(p->nodes, l);                             \
-    for (int k = 0; k < 3; k++) {                                                                                      \
-        to[(KN_CONTACT_NORMAL + k) * KN_LANES] = (real)s->normal[k];                                                   \
-        to[(KN_CONTACT_ARM + k) * KN_LANES] = (real)s->arm_m[k];                                                       \
-    }                                                                                                                  \
-    memset(spread, 0, KN_LANES * sizeof *spread);                                                                      \
-    for (int a = 0; a < p->nodes; a++) {                                                                               \
-        to[(KN_CONTACT_WEIGHT + a) * KN_LANES] = (real)s->weight[a];                                                   \
-        spread[a] = (real)s->weight[a];                                                                                \
-    }
-
-// Add a sample, whose members are set, to a patch.
-static void add_lane(const kn_model *model, kn_contact_patch *p, kn_sample *s)
-{
-    const int l = p->count++;
-    s->patch = p;
-    if (kn_model_single(model)) {
-        LANE(float)
-    } else {
-        LANE(double)
-    }
-}
-
 // --- plate ----------------------------------------------------------------------------------------------------------
 
 // Return whether a point is under the plate. The slack makes sure that a node at the plate's edge is under the plate,
@@ -251,7 +108,7 @@ static search begin(const kn_model *model, const kn_state *state, int p, kn_cont
     s.turn = s.tool->turned ? (const double(*)[3])s.tool->turn : NULL;
     s.relief_m = state->tool[p].relief_m;
     s.foundation_n_m3 = kn_probe_foundation(def);
-    s.margin_m = still_margin(model, def);
+    s.margin_m = kn_contact_margin(model, def);
     // a coupled tool may approach at the speed that its coupling gives it in the air: add the path of one step to the
     // margin
     if (s.tool->coupled) {
@@ -302,14 +159,14 @@ static kn_sample *sample_at(const search *s, const double point[3], const double
     double distance = distance_of(s->shape, s->turn, arm, normal) + s->relief_m;
     if (s->model->grid.flat) stay_in_plane(normal);
     if (distance > s->margin_m || kn_dot(normal, outwards) > 0) return NULL;
-    if (!*patch && s->contact->sample_count < s->contact->sample_max)
-        *patch = add_patch(s->model, s->contact, s->probe, nodes, node, SAMPLES_MAX);
-    if (!*patch || s->contact->sample_count >= s->contact->sample_max) {
-        s->contact->samples_lost++;
-        return NULL;
+    if (!*patch) {
+        *patch =
+            kn_contact_patch_begin(s->model, s->contact, s->probe, nodes, node, KN_PATCH_SIDE_MAX * KN_PATCH_SIDE_MAX);
     }
-    kn_sample *sample = &s->contact->sample[s->contact->sample_count++];
-    *sample = (kn_sample){.probe = s->probe, .friction = s->def->friction, .depth_m = -distance};
+    kn_sample *sample = kn_sample_begin(s->contact, *patch);
+    if (!sample) return NULL;
+    sample->friction = s->def->friction;
+    sample->depth_m = -distance;
     sample->foundation_n_m = s->foundation_n_m3 * area_m2;
     sample->layer_m = s->tool->coupled ? KN_LAYER * s->shape->fine_m : INFINITY;
     memcpy(sample->normal, normal, sizeof sample->normal);
@@ -395,7 +252,7 @@ static bool patch_point(const kn_model *model, const patch *p, double tu, double
 
 // Compute the weights of `per` samples along one side of a patch. Bit j of the result is set if sample j is on the
 // block.
-static unsigned side_weights(const kn_model *model, int per, int i, int n, double w[PER_PATCH_MAX][3])
+static unsigned side_weights(const kn_model *model, int per, int i, int n, double w[KN_PATCH_SIDE_MAX][3])
 {
     unsigned on = 0;
     for (int j = 0; j < per; j++) {
@@ -424,7 +281,7 @@ static void sample_patch(const search *s, const patch *p)
 {
     const kn_model *model = s->model;
     double h = p->face->spacing_m, outwards[3];
-    int per = samples_per_patch(h, s->shape), per_u = per, per_v = per;
+    int per = kn_samples_per_patch(h, s->shape->fine_m), per_u = per, per_v = per;
     double area = h * h / (per * per);
     // on a flat object, one sample along y stands for the whole thickness
     if (model->grid.flat) {
@@ -434,12 +291,12 @@ static void sample_patch(const search *s, const patch *p)
     }
     patch_normal(p, outwards);
     // the weights along u do not depend on v: compute them once per side, not once per sample
-    double wu[PER_PATCH_MAX][3], wv[PER_PATCH_MAX][3];
+    double wu[KN_PATCH_SIDE_MAX][3], wv[KN_PATCH_SIDE_MAX][3];
     unsigned on_u = side_weights(model, per_u, p->u, p->face->len[0], wu);
     unsigned on_v = side_weights(model, per_v, p->v, p->face->len[1], wv);
     kn_contact_patch *samples = NULL;
     // along: for each place along u, the skin's points at the three rows of nodes
-    double along[PER_PATCH_MAX][3][3];
+    double along[KN_PATCH_SIDE_MAX][3][3];
     for (int j = 0; j < per_u; j++)
         for (int a = 0; a < 9; a++)
             for (int k = 0; k < 3; k++)
@@ -456,7 +313,7 @@ static void sample_patch(const search *s, const patch *p)
         if (!sample) continue;
         sample->key = key_of(s->probe, (int)(p->face - model->face), p->v * p->face->len[0] + p->u, i);
         for (int a = 0; a < 9; a++) sample->weight[a] = u[a % 3] * v[a / 3];
-        add_lane(model, samples, sample);
+        kn_sample_end(model, s->contact, sample);
     }
 }
 
@@ -526,7 +383,7 @@ static void sample_triangle(const search *s, int triangle)
     const kn_model *model = s->model;
     const int *node = model->skin[triangle];
     double x[3][3], outwards[3];
-    int per = samples_per_patch(model->def.spacing_m, s->shape);
+    int per = kn_samples_per_patch(model->def.spacing_m, s->shape->fine_m);
     double area = kn_skin_area(model, node) / (per * per);
     load_triangle(model, s->state, node, x, outwards);
     kn_contact_patch *samples = NULL;
@@ -538,7 +395,7 @@ static void sample_triangle(const search *s, int triangle)
         if (!sample) continue;
         sample->key = key_of(s->probe, 0, triangle, i);
         memcpy(sample->weight, weight, sizeof weight);
-        add_lane(model, samples, sample);
+        kn_sample_end(model, s->contact, sample);
     }
 }
 
@@ -584,23 +441,16 @@ static void find_table_samples(const kn_model *model, const kn_state *state, kn_
         kn_state_position(model, state, node, x);
         // a node higher than a tenth of a spacing cannot touch in this step
         if (x[2] > 0.1 * model->def.spacing_m) continue;
-        kn_contact_patch *own = NULL;
-        if (contact->sample_count < contact->sample_max) own = add_patch(model, contact, KN_TABLE, 1, &node, 1);
-        if (!own) {
-            contact->samples_lost++;
-            continue;
-        }
-        kn_sample *s = &contact->sample[contact->sample_count++];
-        *s = (kn_sample){.probe = KN_TABLE,
-                         .weight = {1},
-                         .normal = {0, 0, 1},
-                         .depth_m = -x[2],
-                         .friction = model->def.support_friction};
+        kn_sample *s = kn_sample_begin(contact, kn_contact_patch_begin(model, contact, KN_TABLE, 1, &node, 1));
+        if (!s) continue;
+        s->weight[0] = s->normal[2] = 1;
+        s->depth_m = -x[2];
+        s->friction = model->def.support_friction;
         memcpy(s->point_m, x, sizeof s->point_m);
         s->layer_m = INFINITY;
         s->foundation_n_m = KN_TABLE_N_M3 * model->base_area_m2[i];
         s->key = key_of(KN_TABLE, 0, i, 0);
-        add_lane(model, own, s);
+        kn_sample_end(model, contact, s);
     }
 }
 
@@ -687,8 +537,7 @@ void kn_sample_push(kn_sample *s)
 void kn_contact_find(const kn_model *model, kn_state *state, const kn_input *input, kn_contact *contact)
 {
     // first the table, then every tool, so that the keys of the samples ascend
-    contact->hold_count = contact->sample_count = contact->patch_count = 0;
-    contact->lanes_free = contact->lanes;
+    kn_contact_clear(contact);
     contact->coupled = false;
     find_table_samples(model, state, contact);
     for (int p = 0; p < model->def.probe_count; p++) {

@@ -96,8 +96,12 @@ extern const kn_kernels kn_kernels_grid_base_f32, kn_kernels_grid_base_f64, kn_k
 extern const kn_kernels kn_kernels_net_base_f32, kn_kernels_net_base_f64, kn_kernels_net_avx2_f32,
     kn_kernels_net_avx2_f64, kn_kernels_net_avx512_f32, kn_kernels_net_avx512_f64;
 
-// Return the number of reals that kn_work.g holds per edge of a block.
-static inline int kn_work_edge(const kn_model *m) { return m->def.solver.precision == KN_PRECISION_F32 ? 3 : 1; }
+// Return true if kn_work.g holds one real per edge: a block in f64. Otherwise it holds three.
+static inline bool kn_work_lean(const kn_model *m)
+{
+    return !m->def.mesh && m->def.solver.precision == KN_PRECISION_F64;
+}
+static inline int kn_work_edge(const kn_model *m) { return kn_work_lean(m) ? 1 : 3; }
 
 // Return the number of a net's cells, rounded up to whole vectors.
 static inline size_t kn_work_cells(const kn_model *m)

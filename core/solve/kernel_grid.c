@@ -1,5 +1,6 @@
 // The kernels of a block. This source is compiled for three instruction sets and two precisions. kernel.h says what the
 // loops do, grid.h describes the layout.
+#include "core/solve/coarse.h"
 #include "core/solve/kernel_nodes.h"
 
 // Constants of a model in its precision, equal for every instruction set. The share of a node along an axis is 1/2 at
@@ -107,10 +108,7 @@ static void build_rows(tables *t, const kn_grid *g, real **next)
 // Return the place of node i along a grid axis, counted in coarse nodes from the first one.
 static double coarse_place(const kn_model *model, int axis, int i)
 {
-    const kn_coarse *coarse = model->coarse;
-    const int k = model->grid.axis[axis];
-    const double most = coarse->nodes[k] - 1;
-    return most > 0 ? fmin(most, fmax(0, (i * model->grid.spacing_m - coarse->first_m[k]) / coarse->cell_m[k])) : 0;
+    return kn_coarse_place(model->coarse, model->grid.axis[axis], i * model->grid.spacing_m);
 }
 
 static void build_coarse_lanes(tables *t, const kn_model *model, real **next)
@@ -569,19 +567,4 @@ static void integrate(const kn_model *model, kn_state *state, const kn_work *wor
     integrate_nodes(state, work, t->law.dt, t->row_count, t->vectors);
 }
 
-const kn_kernels KN_KERNELS(grid) = {
-    .name = KN_KERNELS_NAME,
-    .tables_size = tables_size,
-    .tables_build = tables_build,
-    .edge = edge,
-    .recall = recall,
-    .apply = apply,
-    .update = update,
-    .restriction = restriction,
-    .coarse_solve = coarse_solve,
-    .prolongation = prolongation,
-    .contact_rates = contact_rates,
-    .contact_add = contact_add,
-    .contact_product = contact_product,
-    .integrate = integrate,
-};
+const kn_kernels KN_KERNELS(grid) = KN_KERNELS_TABLE;

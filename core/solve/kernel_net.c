@@ -690,19 +690,4 @@ static void prolongation(const kn_model *model, const kn_work *work)
     }
 }
 
-const kn_kernels KN_KERNELS(net) = {
-    .name = KN_KERNELS_NAME,
-    .tables_size = tables_size,
-    .tables_build = tables_build,
-    .edge = edge,
-    .recall = recall,
-    .apply = apply,
-    .update = update,
-    .restriction = restriction,
-    .coarse_solve = coarse_solve,
-    .prolongation = prolongation,
-    .contact_rates = contact_rates,
-    .contact_add = contact_add,
-    .contact_product = contact_product,
-    .integrate = integrate,
-};
+const kn_kernels KN_KERNELS(net) = KN_KERNELS_TABLE;

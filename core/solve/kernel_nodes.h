@@ -358,4 +358,14 @@ static double contact_product(const kn_model *model, const kn_work *work, const 
     return total;
 }
 
+// --- the table of kernels -------------------------------------------------------------------------------------------
+
+#define KN_KERNELS_TABLE                                                                                               \
+    {                                                                                                                  \
+        .name = KN_KERNELS_NAME, .tables_size = tables_size, .tables_build = tables_build, .edge = edge,               \
+        .recall = recall, .apply = apply, .update = update, .restriction = restriction, .coarse_solve = coarse_solve,  \
+        .prolongation = prolongation, .contact_rates = contact_rates, .contact_add = contact_add,                      \
+        .contact_product = contact_product, .integrate = integrate                                                     \
+    }
+
 #endif
