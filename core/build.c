@@ -339,6 +339,18 @@ static size_t cell_reals(const kn_model *m)
     return m->def.mesh ? 16 * kn_work_cells(m) : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
+// Return the number of reals of kn_work.cut: 24 per row of a net, or the strains of one plane of a block.
+static size_t cut_reals(const kn_model *m)
+{
+    size_t rows = m->composite || m->def.mesh ? 0 : (size_t)m->grid.len[1];
+    if (m->def.mesh) return 24 * (size_t)m->row_count;
+    for (int p = 0; m->composite && p < m->composite->part_count; p++) {
+        const size_t each = (size_t)m->composite->part[p].grid.len[1];
+        rows = each > rows ? each : rows;
+    }
+    return (rows + 3 * KN_TEAM_PARTS) * KN_FORWARD * m->stride;
+}
+
 // Divide the scratch memory among the arrays of the implicit solver.
 static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
 {
@@ -362,6 +374,8 @@ static void layout_implicit(const kn_model *m, kn_arena *a, kn_scratch *s)
     s->row_base = kn_arena_take(a, (size_t)m->row_count);
     s->rigid.arm = kn_rigid_wanted(m) ? kn_arena_take(a, kn_model_field(m, 4) * sizeof(float)) : NULL;
     s->last_held = kn_arena_take(a, (size_t)m->top_count * sizeof(int));
+    w->sums = kn_arena_take(a, 2 * (size_t)m->row_count * sizeof *w->sums);
+    w->cut = kn_arena_take(a, cut_reals(m) * kn_model_real(m));
 }
 
 // Divide the scratch memory among the arrays of the Runge-Kutta solver.
@@ -437,6 +451,11 @@ kn_scratch *kn_scratch_create(const kn_model *model)
     layout_scratch(model, scratch);
     kn_scratch_reset(model, scratch);
     return scratch;
+}
+
+void kn_scratch_team(const kn_model *model, kn_scratch *scratch, kn_team *team)
+{
+    scratch->work.team = kn_work_team(model, team);
 }
 
 void kn_state_destroy(kn_state *state) { free(state); }

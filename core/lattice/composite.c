@@ -413,9 +413,21 @@ static kn_work work_of(const kn_model *m, const kn_work *w, int part)
         .g = rows_from(m, w->g, kn_work_edge(m) * KN_FORWARD, row),
         .free = rows_from(m, w->free, 3, row),
         .coarse = w->coarse,
+        .team = kn_work_team(&m->composite->part[part], w->team),
+        .sums = w->sums,
+        .cut = w->cut,
         .row_held = w->row_held + row,
         .row_moved = w->row_moved + row,
     };
+}
+
+static void begin(const kn_model *m, const kn_state *state, const kn_work *w, bool again)
+{
+    for (int p = 0; p < m->composite->part_count; p++) {
+        const kn_state part = state_of(m, state, p);
+        const kn_work work = work_of(m, w, p);
+        m->composite->inside->begin(&m->composite->part[p], &part, &work, again);
+    }
 }
 
 // Set the guessed velocity of every tied node to the mean of its masters' velocities. If the row of a master is marked
@@ -529,6 +541,7 @@ static void composite_kernels(kn_model *m)
 {
     kn_composite *c = m->composite;
     c->kernels = (kn_kernels){.name = c->inside->name,
+                              .begin = begin,
                               .edge = edge,
                               .recall = recall,
                               .apply = apply,

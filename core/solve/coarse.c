@@ -8,8 +8,8 @@
 #include <string.h>
 
 // Number of coarse nodes: one for every NODES_EACH nodes, but at least LEAST and at most MOST. More than MOST bring
-// nothing up to 16 820 nodes, where the coarse level takes an eighth of an iteration. No cell is divided into cells shorter than
-// 2 spacings. The order of a net's nodes in memory, and so its snapshots, depends on these numbers.
+// nothing up to 16 820 nodes, where the coarse level takes an eighth of an iteration. No cell is divided into cells
+// shorter than 2 spacings. The order of a net's nodes in memory, and so its snapshots, depends on these numbers.
 #define NODES_EACH 50
 #define LEAST 27
 #define MOST 100
@@ -103,7 +103,7 @@ static size_t transfer_reals(const kn_model *block, const kn_coarse *coarse)
 {
     const kn_grid *g = &block->grid;
     const size_t rows = (size_t)coarse->nodes[g->axis[1]] + 1, planes = (size_t)coarse->nodes[g->axis[2]] + 1;
-    return (planes + 1) * rows * 3 * kn_grid_stride(g);
+    return (planes + (size_t)g->len[2]) * rows * 3 * kn_grid_stride(g);
 }
 
 size_t kn_coarse_reals(const kn_model *m)

@@ -48,6 +48,11 @@ typedef struct kn_work {
     void *records; // net: records of nodes and edges, see kernel_net.c; else NULL
     // Coarse level (coarse.h): residual and solution of the coarse nodes, and sums of the transfers; NULL without one.
     void *coarse;
+    kn_team *team; // team of the scratch, or NULL
+    double *sums;  // two sums per group of rows, see kernel_nodes.h
+    // Block: copy of the strains of the plane below the cut between two parts, so that both may advance them. Net: sums
+    // of the coarse cells.
+    void *cut;
     // one flag per row; 1: at least one component of the row's nodes is prescribed
     uint8_t *row_held;
     // one flag per row; 1: a prescribed velocity in the row differs from that of the last step, so the law is evaluated
@@ -61,6 +66,8 @@ typedef struct kn_kernels {
     const char *name; // instruction set and precision, e.g. "avx512 f32"
     size_t (*tables_size)(const kn_model *model);
     void (*tables_build)(const kn_model *model, void *tables);
+    // Clear r and P for a linearisation. Unless `again`, set the guess to the last velocity.
+    void (*begin)(const kn_model *model, const kn_state *state, const kn_work *work, bool again);
     // Linearise the law of every edge around the guess, fill r, g, P and z, and return r.z. `again`: this is a further
     // linearisation in the step, so the edges' strains do not advance.
     double (*edge)(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how, bool again);
@@ -115,6 +122,15 @@ static inline size_t kn_work_records(const kn_model *m)
 {
     const size_t each = m->def.pressure == KN_PRESSURE_NONE ? 3 : 6;
     return 4 * (each * (size_t)m->row_count * KN_LANES + 2 * (m->edge_reals + 1));
+}
+
+// Return the team for the kernels of a model. A model of less than KN_TEAM_VECTORS vectors of nodes has none: to hand a
+// loop over would take longer than the loop.
+#define KN_TEAM_VECTORS 64
+static inline kn_team *kn_work_team(const kn_model *m, kn_team *team)
+{
+    const int vectors = m->def.mesh ? m->row_count : m->grid.rows * m->grid.vectors;
+    return m->composite || vectors >= KN_TEAM_VECTORS ? team : NULL;
 }
 
 // Return true if nothing but contact and gravity holds the object. The preconditioner then has a level of the

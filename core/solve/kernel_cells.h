@@ -156,15 +156,18 @@ LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row
     // for each row of corners: add the forces and the diagonal blocks, and store g
     for (int r = 0; r < 1 << (dims - 1); r++) {
         lanes g[2][3];
+        const bool mine = to[r] >= f->first && to[r] < f->end;
         for (int c = 0; c < dims; c++) {
             for (int end = 0; end < 2; end++) {
                 g[end][c] = lanes_mul(root, x.slope[2 * r + end][c]);
-                lanes_store(kept + at(f->K, row, dims << dims, (2 * r + end) * dims + c, k), g[end][c]);
+                if (row >= f->first)
+                    lanes_store(kept + at(f->K, row, dims << dims, (2 * r + end) * dims + c, k), g[end][c]);
             }
+            if (!mine) continue;
             add_ends(f->K, f->r, to[r], 3, t->cell_axis[c], k, lanes_mul(push, x.slope[2 * r][c]),
                      lanes_mul(push, x.slope[2 * r + 1][c]));
         }
-        for (int c = 0; c < dims; c++)
+        for (int c = 0; c < dims && mine; c++)
             for (int e = c; e < dims; e++)
                 add_ends(f->K, f->p, to[r], 6, pair_of[t->cell_axis[c]][t->cell_axis[e]], k,
                          lanes_mul(g[0][c], g[0][e]), lanes_mul(g[1][c], g[1][e]));
@@ -185,22 +188,21 @@ LANES_INLINE lanes cell_product(const tables *t, const fields *f, const real *ke
             rate = lanes_fma(lanes_load(g + step * (size_t)(i * dims + c)),
                              cell_end(f->K, f->d, to[i >> 1], t->cell_axis[c], k, i & 1), rate);
     for (int r = 0; r < 1 << (dims - 1); r++)
-        for (int c = 0; c < dims; c++)
+        for (int c = 0; c < dims && to[r] >= f->first && to[r] < f->end; c++)
             add_ends(f->K, f->q, to[r], 3, t->cell_axis[c], k,
                      lanes_mul(lanes_load(g + step * (size_t)(2 * r * dims + c)), rate),
                      lanes_mul(lanes_load(g + step * (size_t)((2 * r + 1) * dims + c)), rate));
     return lanes_mul(rate, rate);
 }
 
-// Visit all cells in memory order. If `product`, call cell_product and return the sum of (g.d)^2; else call cell_add.
-LANES_INLINE double cells_pass(const kn_model *model, const kn_state *state, const kn_work *work, int K, bool flat,
-                               bool product)
+// Visit the cells of a part in memory order. If `product`, call cell_product and sum (g.d)^2; else call cell_add.
+LANES_INLINE void cells_pass(const job *j, int part, int K, bool flat, bool product)
 {
-    const tables *t = model->tables;
-    real *kept = work->cell;
-    fields f = fields_of(state, work, K);
-    double sum = 0;
-    for (int c = 0, row = 0; c < t->planes; c++) {
+    const tables *t = j->model->tables;
+    real *kept = j->work->cell;
+    fields f = fields_of(j->state, j->work, K);
+    const slab s = slab_of(t, j->work, part, &f);
+    for (int c = s.from, row = c * t->rows; c < s.end; c++) {
         lanes plane = lanes_set(0);
         for (int b = 0; b < t->rows; b++, row++) {
             int to[4];
@@ -210,9 +212,19 @@ LANES_INLINE double cells_pass(const kn_model *model, const kn_state *state, con
                 else cell_add(t, &f, kept, row, to, k, flat);
             }
         }
-        if (product) sum += lanes_sum(plane);
+        if (product && c >= s.first) j->work->sums[t->planes + c] = lanes_sum(plane);
     }
-    return sum;
+}
+
+static __attribute__((noinline)) void cells_loop(const job *j, int part, bool product)
+{
+    const int K = j->model->grid.vectors;
+    if (j->model->grid.flat && product) cells_pass(j, part, K, true, true);
+    else if (j->model->grid.flat) cells_pass(j, part, K, true, false);
+    else if (K == 1 && product) cells_pass(j, part, 1, false, true);
+    else if (K == 1) cells_pass(j, part, 1, false, false);
+    else if (product) cells_pass(j, part, K, false, true);
+    else cells_pass(j, part, K, false, false);
 }
 
 // --- one pressure for the whole object ------------------------------------------------------------------------------
@@ -299,27 +311,6 @@ static double object_product(const kn_model *model, const kn_work *work)
     for (size_t o = 0; o < kn_model_field(model, 3); o += KN_LANES)
         store_add(q + o, lanes_mul(lanes_load(kept + o), lanes_set((real)rate)));
     return rate * rate;
-}
-
-// --- gas in the kernels edge and apply ------------------------------------------------------------------------------
-
-// Add the gas forces to the residual r, and the slope of the pressure to the diagonal blocks.
-static void pressure_add(const kn_model *model, const kn_state *state, const kn_work *work)
-{
-    int K = model->grid.vectors;
-    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(model, state, work);
-    else if (model->grid.flat) cells_pass(model, state, work, K, true, false);
-    else if (K == 1) cells_pass(model, state, work, 1, false, false);
-    else cells_pass(model, state, work, K, false, false);
-}
-
-// Add the gas pressure's part of the product A d to q. Return the pressure's part of d.q.
-static double pressure_product(const kn_model *model, const kn_state *state, const kn_work *work)
-{
-    int K = model->grid.vectors;
-    if (model->def.pressure == KN_PRESSURE_OBJECT) return object_product(model, work);
-    if (model->grid.flat) return cells_pass(model, state, work, K, true, true);
-    return K == 1 ? cells_pass(model, state, work, 1, false, true) : cells_pass(model, state, work, K, false, true);
 }
 
 // Set the constants of Boyle's law. cell_shape computes lengths in spacings and slopes that are larger by the factor

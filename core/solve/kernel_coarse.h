@@ -5,7 +5,7 @@
 // The sums over the nodes of a plane are added to the coarse planes in the order of the planes.
 //
 //     work.coarse:  r_c [padded]   z_c [padded]   sums [coarse planes + 1][coarse rows + 1][3][K][16]
-//                   one plane [coarse rows + 1][3][K][16]
+//                   each plane [planes][coarse rows + 1][3][K][16]
 //
 // An axis with a single coarse node has a second one, of weight 0, so that every place has a node above it.
 
@@ -24,7 +24,7 @@ LANES_INLINE int coarse_below(real place, int n, real *above)
 typedef struct transfer {
     int K, nodes[3], step[3], first[3], last[3];
     size_t row, plane;
-    real *r, *z, *sums, *one;
+    real *r, *z, *sums, *each;
 } transfer;
 
 LANES_INLINE transfer transfer_of(const kn_model *model, const kn_work *work, int K)
@@ -46,7 +46,7 @@ LANES_INLINE transfer transfer_of(const kn_model *model, const kn_work *work, in
     x.r = work->coarse;
     x.z = x.r + coarse->padded;
     x.sums = x.z + coarse->padded;
-    x.one = x.sums + (size_t)(x.nodes[2] + 1) * x.plane;
+    x.each = x.sums + (size_t)(x.nodes[2] + 1) * x.plane;
     return x;
 }
 
@@ -64,7 +64,7 @@ LANES_INLINE void next_coarse_row(real *row, int K, int k, lanes low[3], lanes h
 LANES_INLINE void restrict_plane(const tables *t, const transfer *x, const kn_work *work, int c)
 {
     const real *r = work->r, *free = work->free;
-    real *plane = x->one;
+    real *plane = x->each + (size_t)c * x->plane;
     const lanes zero = lanes_set(0);
     for (int k = 0; k < x->K; k++) {
         lanes low[3] = {zero, zero, zero}, high[3] = {zero, zero, zero};
@@ -105,10 +105,24 @@ LANES_INLINE void restrict_row(const tables *t, const transfer *x, int b, int c,
     }
 }
 
-LANES_INLINE void restrict_block(const kn_model *model, const kn_work *work, int K)
+static void restrict_loop(void *loop, int part)
+{
+    const job *j = loop;
+    const tables *t = j->model->tables;
+    const int K = t->vectors;
+    const range planes = range_of(j->work, t->planes, part);
+    for (int c = planes.first; c < planes.end; c++) {
+        const transfer x = transfer_of(j->model, j->work, K == 1 ? 1 : K);
+        restrict_plane(t, &x, j->work, c);
+    }
+}
+
+static void restriction(const kn_model *model, const kn_work *work)
 {
     const tables *t = model->tables;
-    const transfer x = transfer_of(model, work, K);
+    job j = {.model = model, .work = work};
+    const transfer x = transfer_of(model, work, t->vectors);
+    run(&j, restrict_loop);
     const size_t from = (size_t)x.first[1] * x.row, to = (size_t)(x.last[1] + 1) * x.row;
 
     for (int c = x.first[2]; c <= x.last[2]; c++)
@@ -116,9 +130,8 @@ LANES_INLINE void restrict_block(const kn_model *model, const kn_work *work, int
     for (int c = 0; c < t->planes; c++) {
         real above, *sum = x.sums + (size_t)coarse_below(t->plane_place[c], x.nodes[2], &above) * x.plane;
         const lanes up = lanes_set(above), down = lanes_set(1 - above);
-        restrict_plane(t, &x, work, c);
         for (size_t o = from; o < to; o += KN_LANES) {
-            const lanes value = lanes_load(x.one + o);
+            const lanes value = lanes_load(x.each + (size_t)c * x.plane + o);
             lanes_store(sum + o, lanes_fma(down, value, lanes_load(sum + o)));
             lanes_store(sum + x.plane + o, lanes_fma(up, value, lanes_load(sum + x.plane + o)));
         }
@@ -143,17 +156,17 @@ LANES_INLINE void prolong_row(const tables *t, const transfer *x, int b, int c)
         }
 }
 
-LANES_INLINE void prolong_block(const kn_model *model, const kn_work *work, int K)
+LANES_INLINE void prolong_planes(const job *j, int part, int K)
 {
-    const tables *t = model->tables;
-    const transfer x = transfer_of(model, work, K);
+    const kn_work *work = j->work;
+    const tables *t = j->model->tables;
+    const transfer x = transfer_of(j->model, work, K);
     const size_t first = (size_t)x.first[1] * x.row, end = (size_t)(x.last[1] + 1) * x.row;
+    const range planes = range_of(work, t->planes, part);
     const real *free = work->free;
     real *z = work->z;
-    for (int c = x.first[2]; c <= x.last[2] && c < x.nodes[2]; c++)
-        for (int b = x.first[1]; b <= x.last[1] && b < x.nodes[1]; b++) prolong_row(t, &x, b, c);
-    for (int c = 0, row = 0; c < t->planes; c++) {
-        real above, *plane = x.one;
+    for (int c = planes.first, row = c * t->rows; c < planes.end; c++) {
+        real above, *plane = x.each + (size_t)planes.first * x.plane;
         const real *from = x.sums + (size_t)coarse_below(t->plane_place[c], x.nodes[2], &above) * x.plane;
         lanes up = lanes_set(above), down = lanes_set(1 - above);
         for (size_t o = first; o < end; o += KN_LANES) {
@@ -173,16 +186,20 @@ LANES_INLINE void prolong_block(const kn_model *model, const kn_work *work, int 
     }
 }
 
-static void restriction(const kn_model *model, const kn_work *work)
+static void prolong_loop(void *loop, int part)
 {
-    const int K = model->grid.vectors;
-    if (K == 1) restrict_block(model, work, 1);
-    else restrict_block(model, work, K);
+    const job *j = loop;
+    const int K = j->model->grid.vectors;
+    if (K == 1) prolong_planes(j, part, 1);
+    else prolong_planes(j, part, K);
 }
 
 static void prolongation(const kn_model *model, const kn_work *work)
 {
-    const int K = model->grid.vectors;
-    if (K == 1) prolong_block(model, work, 1);
-    else prolong_block(model, work, K);
+    const tables *t = model->tables;
+    job j = {.model = model, .work = work};
+    const transfer x = transfer_of(model, work, t->vectors);
+    for (int c = x.first[2]; c <= x.last[2] && c < x.nodes[2]; c++)
+        for (int b = x.first[1]; b <= x.last[1] && b < x.nodes[1]; b++) prolong_row(t, &x, b, c);
+    run(&j, prolong_loop);
 }

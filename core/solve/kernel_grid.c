@@ -237,7 +237,8 @@ enum { LEAN = sizeof(real) == sizeof(double) };
 typedef struct edges {
     // row, to: first and second row; k: vector; s: shift; e: index of the forward edge
     int row, to, k, s, e;
-    bool moved; // a prescribed velocity has changed in one of the two rows
+    bool moved;      // a prescribed velocity has changed in one of the two rows
+    real *g, *r, *p; // where the edges leave g, and the row `to` of r and P; elsewhere if the row is of another part
     // share: part of the edges' weight that depends on row and plane; root: root of `share`
     real share, root;
 } edges;
@@ -290,21 +291,21 @@ LANES_INLINE void edge_add(const kn_model *model, const tables *t, const fields 
     root = lanes_mul(root, lanes_mul(lanes_set(t->root * x->root), lanes_load(t->lane_near_root[x->s + 1] + lane)));
     int to = near_vector(f->K, x->k, x->s);
     lanes g[3], far[3], over = lanes_mul(root, x16.inverse);
-    if (LEAN) lanes_store(f->g + at(f->K, x->row, KN_FORWARD, x->e, x->k), lanes_mul(over, over));
+    if (LEAN) lanes_store(x->g + at(f->K, 0, KN_FORWARD, x->e, x->k), lanes_mul(over, over));
     // add the force at the near end, whose sums are in registers, and subtract it at the far end, in memory
     for (int c = 0; c < 3; c++) {
         g[c] = lanes_mul(root, x16.n[c]);
-        if (!LEAN) lanes_store(f->g + at(f->K, x->row, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
+        if (!LEAN) lanes_store(x->g + at(f->K, 0, 3 * KN_FORWARD, 3 * x->e + c, x->k), g[c]);
         far[c] = turn(f->K, g[c], x->k, x->s);
         lanes pull = lanes_mul(tension, x16.n[c]);
         own->pull[c] = lanes_add(own->pull[c], pull);
-        real *other = f->r + at(f->K, x->to, 3, c, to);
+        real *other = x->r + at(f->K, 0, 3, c, to);
         lanes_store(other, lanes_sub(lanes_load(other), turn(f->K, pull, x->k, x->s)));
     }
     // diagonal blocks: g g' at both ends
     for (int c = 0, m = 0; c < 3; c++)
         for (int k = c; k < 3; k++, m++) {
-            real *other = f->p + at(f->K, x->to, 6, m, to);
+            real *other = x->p + at(f->K, 0, 6, m, to);
             own->block[m] = lanes_fma(g[c], g[k], own->block[m]);
             lanes_store(other, lanes_fma(far[c], far[k], lanes_load(other)));
         }
@@ -337,6 +338,11 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
         int to = group_row(t, row, b, c, g);
         if (to < 0) continue;
         edges x = {.row = row, .to = to, .k = k, .moved = work->row_moved[row] || work->row_moved[to]};
+        const bool mine = to >= f->first && to < f->end;
+        if (row < f->first && !mine) continue;
+        x.g = row < f->first ? f->aside : f->g + at(f->K, row, LEAN ? KN_FORWARD : 3 * KN_FORWARD, 0, 0);
+        x.r = mine ? f->r + at(f->K, to, 3, 0, 0) : f->aside;
+        x.p = mine ? f->p + at(f->K, to, 6, 0, 0) : f->aside;
         UNROLL(3)
         for (x.s = g < 0 ? 1 : -1; x.s <= 1; x.s++) {
             x.e = g < 0 ? 0 : 1 + 3 * g + x.s + 1;
@@ -345,62 +351,85 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
             edge_add(model, t, f, &x, kind, stroke, how, again, &own);
         }
     }
+    if (row < f->first) return;
     for (int i = 0; i < 3; i++) store_add(f->r + at(f->K, row, 3, i, k), own.pull[i]);
     for (int i = 0; i < 6; i++) store_add(f->p + at(f->K, row, 6, i, k), own.block[i]);
 }
 
-// Run the edge pass over a whole block. All edges that end in a row start in this row or in an earlier row. So a row is
-// complete after its own edges. Return r.z, summed plane by plane in a fixed order.
-LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_work *work, kn_law_kind kind,
-                              bool stroke, kn_linearization how, bool again, int K)
+// The planes of a part. The edges from the plane before the part's first plane end in the part, so the part computes
+// this plane, too, but writes only what belongs to its own rows: it is the plane `from` where it is not `first`.
+//
+//     part 0     part 1          planes c0 .. end of part 1; o: the plane at c0 - 1, whose edges both parts compute
+//     . . . o  |  . . . .
+typedef struct slab {
+    int from, first, end;
+} slab;
+
+LANES_INLINE slab slab_of(const tables *t, const kn_work *work, int part, fields *f)
 {
-    const tables *t = model->tables;
-    fields f = fields_of(state, work, K);
-    double sum = 0;
-    for (int c = 0, row = 0; c < t->planes; c++) {
-        lanes plane = lanes_set(0);
-        for (int b = 0; b < t->rows; b++, row++) {
-            for (int k = 0; k < f.K; k++) edge_row(model, t, &f, work, row, b, c, k, kind, stroke, how, again);
-            for (int k = 0; k < f.K; k++) plane = lanes_add(plane, finish_row(t, &f, work, row, b, c, k, again));
-        }
-        sum += lanes_sum(plane);
-    }
-    return sum;
+    const range planes = range_of(work, t->planes, part);
+    f->first = planes.first * t->rows, f->end = planes.end * t->rows;
+    f->aside = (real *)work->cut + at(f->K, t->rows + 3 * part, KN_FORWARD, 0, 0);
+    const bool before = planes.first > 0 && planes.first < planes.end;
+    return (slab){planes.first - before, planes.first, planes.end};
 }
 
-// Define one function for each kind of law. gcc -O3 takes twice as long to compile a single function with all kinds.
-#define EDGE_PASS(name, kind, stroke, again, K, ...)                                                                   \
-    static __attribute__((noinline)) double edge_##name(__VA_ARGS__)                                                   \
-    {                                                                                                                  \
-        return edge_pass(model, state, work, kind, stroke, how, again, K);                                             \
+// Run the edge pass over the planes of a part. All edges that end in a row start in this row or in an earlier row. So a
+// row is complete after its own edges. Sum r.z plane by plane.
+LANES_INLINE void edge_pass(const job *j, int part, kn_law_kind kind, bool stroke, bool again, int K)
+{
+    const tables *t = j->model->tables;
+    const kn_work *work = j->work;
+    fields f = fields_of(j->state, work, K);
+    const slab s = slab_of(t, work, part, &f);
+    for (int c = s.from, row = c * t->rows; c < s.end; c++) {
+        // the strains of the plane before are advanced by the part before
+        if (f.u) f.u = c < s.first ? (real *)work->cut - at(K, row, KN_FORWARD, 0, 0) : j->state->strain;
+        lanes plane = lanes_set(0);
+        for (int b = 0; b < t->rows; b++, row++) {
+            for (int k = 0; k < f.K; k++) edge_row(j->model, t, &f, work, row, b, c, k, kind, stroke, j->how, again);
+            for (int k = 0; k < f.K && c >= s.first; k++)
+                plane = lanes_add(plane, finish_row(t, &f, work, row, b, c, k, again));
+        }
+        if (c >= s.first) work->sums[c] = lanes_sum(plane);
     }
-#define ONE_ROW const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how
-EDGE_PASS(stroke, ((const tables *)model->tables)->law.kind, true, again, K, ONE_ROW, bool again, int K)
-EDGE_PASS(voigt, KN_LAW_VOIGT, false, again, K, ONE_ROW, bool again, int K)
-EDGE_PASS(linear, KN_LAW_LINEAR, false, again, K, ONE_ROW, bool again, int K)
-EDGE_PASS(table_1, KN_LAW_TABLE, false, false, 1, ONE_ROW)
-EDGE_PASS(table_2, KN_LAW_TABLE, false, false, 2, ONE_ROW)
-EDGE_PASS(table, KN_LAW_TABLE, false, again, K, ONE_ROW, bool again, int K)
-EDGE_PASS(exact, KN_LAW_EXACT, false, again, K, ONE_ROW, bool again, int K)
+}
 
 #include "core/solve/kernel_cells.h"
 
+// Define one loop for each kind of law. gcc -O3 takes twice as long to compile a single function with all kinds.
+#define EDGE_PASS(name, kind, stroke, again, K)                                                                        \
+    static void edge_##name(void *loop, int part)                                                                      \
+    {                                                                                                                  \
+        const job *j = loop;                                                                                           \
+        if (j->model->def.pressure == KN_PRESSURE_CELLS) cells_loop(j, part, false);                                   \
+        edge_pass(j, part, kind, stroke, again, K);                                                                    \
+    }
+EDGE_PASS(stroke, ((const tables *)j->model->tables)->law.kind, true, j->again, j->model->grid.vectors)
+EDGE_PASS(voigt, KN_LAW_VOIGT, false, j->again, j->model->grid.vectors)
+EDGE_PASS(linear, KN_LAW_LINEAR, false, j->again, j->model->grid.vectors)
+EDGE_PASS(table_1, KN_LAW_TABLE, false, false, 1)
+EDGE_PASS(table_2, KN_LAW_TABLE, false, false, 2)
+EDGE_PASS(table, KN_LAW_TABLE, false, j->again, j->model->grid.vectors)
+EDGE_PASS(exact, KN_LAW_EXACT, false, j->again, j->model->grid.vectors)
+
 static double edge(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how, bool again)
 {
-    int K = model->grid.vectors;
-    if (model->def.pressure != KN_PRESSURE_NONE) pressure_add(model, state, work);
-    // each law without stops has a loop of its own; laws with stops share one
-    const kn_law_kind kind = ((const tables *)model->tables)->law.kind;
-    if (model->law.stroke) return edge_stroke(model, state, work, how, again, K);
-    switch (kind) {
-    case KN_LAW_VOIGT: return edge_voigt(model, state, work, how, again, K);
-    case KN_LAW_LINEAR: return edge_linear(model, state, work, how, again, K);
-    case KN_LAW_TABLE:
-        if (K == 1 && !again) return edge_table_1(model, state, work, how);
-        if (K == 2 && !again) return edge_table_2(model, state, work, how);
-        return edge_table(model, state, work, how, again, K);
-    default: return edge_exact(model, state, work, how, again, K);
+    const tables *t = model->tables;
+    job j = {model, state, work, how, again, again, 0};
+    const int K = model->grid.vectors, one = again ? 0 : K;
+    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(model, state, work);
+    if (work->team && state->strain) { // copy the strains of the plane below the cut
+        const size_t plane = at(K, t->rows, KN_FORWARD, 0, 0), end = (size_t)range_of(work, t->planes, 0).end;
+        memcpy(work->cut, (const real *)state->strain + (end - 1) * plane, plane * sizeof(real));
     }
+    // each law without stops has a loop of its own; laws with stops share one
+    if (model->law.stroke) run(&j, edge_stroke);
+    else if (t->law.kind == KN_LAW_VOIGT) run(&j, edge_voigt);
+    else if (t->law.kind == KN_LAW_LINEAR) run(&j, edge_linear);
+    else if (t->law.kind == KN_LAW_TABLE) run(&j, one == 1 ? edge_table_1 : one == 2 ? edge_table_2 : edge_table);
+    else run(&j, edge_exact);
+    return sum_of(work->sums, t->planes);
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
@@ -454,6 +483,7 @@ LANES_INLINE void load_own(const fields *f, int row, int k, products *own)
 LANES_INLINE void product_along(const tables *t, const fields *f, int row, int k, products *own)
 {
     lanes next[3];
+    if (row < f->first) return;
     load_q(f, row, near_vector(f->K, k, 1), next);
     product_edges(t, f, row, row, k, 1, 0, own, next);
     store_q(f, row, near_vector(f->K, k, 1), next);
@@ -469,16 +499,16 @@ LANES_INLINE void product_one(const tables *t, const fields *f, int row, int b, 
     for (int g = 0; g < 4; g++) {
         const int to = group_row(t, row, b, c, g);
         lanes far[3];
-        if (to < 0) continue;
+        if (to < 0 || (row < f->first && to < f->first)) continue;
         load_q(f, to, near_vector(f->K, k, -1), far);
         UNROLL(3)
         for (int s = -1; s <= 1; s++) {
             if (f->K > 1 && s > -1) load_q(f, to, near_vector(f->K, k, s), far);
             product_edges(t, f, row, to, k, s, 1 + 3 * g + s + 1, &own, far);
-            if (f->K > 1 || s == 1) store_q(f, to, near_vector(f->K, k, s), far);
+            if ((f->K > 1 || s == 1) && to < f->end) store_q(f, to, near_vector(f->K, k, s), far);
         }
     }
-    for (int i = 0; i < 3; i++) store_add(f->q + at(f->K, row, 3, i, k), own.q[i]);
+    for (int i = 0; i < 3 && row >= f->first; i++) store_add(f->q + at(f->K, row, 3, i, k), own.q[i]);
 }
 
 // Do the work of product_one for both vectors of a row, with all sums at the far ends in registers.
@@ -492,7 +522,7 @@ LANES_INLINE void product_two(const tables *t, const fields *f, int row, int b, 
     for (int g = 0; g < 4; g++) {
         const int to = group_row(t, row, b, c, g);
         lanes far[2][3];
-        if (to < 0) continue;
+        if (to < 0 || (row < f->first && to < f->first)) continue;
         for (int k = 0; k < 2; k++) load_q(f, to, k, far[k]);
         UNROLL(2)
         for (int k = 0; k < 2; k++) {
@@ -500,29 +530,39 @@ LANES_INLINE void product_two(const tables *t, const fields *f, int row, int b, 
             for (int s = -1; s <= 1; s++)
                 product_edges(t, f, row, to, k, s, 1 + 3 * g + s + 1, &own[k], far[near_vector(2, k, s)]);
         }
-        for (int k = 0; k < 2; k++) store_q(f, to, k, far[k]);
+        for (int k = 0; k < 2 && to < f->end; k++) store_q(f, to, k, far[k]);
     }
-    for (int k = 0; k < 2; k++)
+    for (int k = 0; k < 2 && row >= f->first; k++)
         for (int i = 0; i < 3; i++) store_add(f->q + at(2, row, 3, i, k), own[k].q[i]);
 }
 
-// Compute the new search direction d = z + beta d and the product q = A d of edges and mass. Return d.q.
-LANES_INLINE double apply_rows(const kn_model *model, const kn_state *state, const kn_work *work, double beta_, int K)
+static void direction_loop(void *loop, int part)
 {
-    const tables *t = model->tables;
-    fields f = fields_of(state, work, K);
-    const real beta = (real)beta_;
-    double total = 0;
+    const job *j = loop;
+    const tables *t = j->model->tables;
+    fields f = fields_of(j->state, j->work, t->vectors);
+    slab_of(t, j->work, part, &f);
+    for (int row = f.first; row < f.end; row++) next_direction(&f, row, (real)j->factor);
+}
+
+// Compute the new search direction d = z + beta d and the product q = A d of edges and mass. Sum d.q.
+LANES_INLINE void apply_rows(const job *j, int part, int K)
+{
+    const tables *t = j->model->tables;
+    const kn_work *work = j->work;
+    fields f = fields_of(j->state, work, K);
+    const slab s = slab_of(t, work, part, &f);
+    const real beta = (real)j->factor;
     // ready: number of rows with the new direction d; the products need d one plane and one row ahead
-    int ready = 0;
-    for (int c = 0, row = 0; c < t->planes; c++) {
+    int ready = work->team ? t->row_count : 0;
+    for (int c = s.from, row = c * t->rows; c < s.end; c++) {
         lanes plane = lanes_set(0);
         for (int b = 0; b < t->rows; b++, row++) {
             for (; ready < t->row_count && ready <= row + t->rows + 1; ready++) next_direction(&f, ready, beta);
             if (f.K == 2) product_two(t, &f, row, b, c);
             for (int k = 0; k < f.K && f.K != 2; k++) product_one(t, &f, row, b, c, k);
             // add the product of the mass; the products of all edges that end in this row have been added
-            for (int k = 0; k < f.K; k++) {
+            for (int k = 0; k < f.K && c >= s.first; k++) {
                 lanes mass = mass_of(t, b, c, k);
                 for (int i = 0; i < 3; i++) {
                     size_t o = at(f.K, row, 3, i, k);
@@ -532,39 +572,34 @@ LANES_INLINE double apply_rows(const kn_model *model, const kn_state *state, con
                 }
             }
         }
-        total += lanes_sum(plane);
+        if (c >= s.first) work->sums[c] = lanes_sum(plane);
     }
-    return total;
+}
+
+static __attribute__((noinline)) void apply_1(const job *j, int part) { apply_rows(j, part, 1); }
+static __attribute__((noinline)) void apply_2(const job *j, int part) { apply_rows(j, part, 2); }
+
+static void apply_loop(void *loop, int part)
+{
+    const job *j = loop;
+    const int K = j->model->grid.vectors;
+    if (K == 1) apply_1(j, part);
+    else if (K == 2) apply_2(j, part);
+    else apply_rows(j, part, K);
+    if (j->model->def.pressure == KN_PRESSURE_CELLS) cells_loop(j, part, true);
 }
 
 static double apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
 {
-    int K = model->grid.vectors;
-    double dq = K == 1   ? apply_rows(model, state, work, beta, 1)
-                : K == 2 ? apply_rows(model, state, work, beta, 2)
-                         : apply_rows(model, state, work, beta, K);
-    return model->def.pressure == KN_PRESSURE_NONE ? dq : dq + pressure_product(model, state, work);
+    job j = {.model = model, .state = state, .work = work, .factor = beta};
+    const int planes = ((const tables *)model->tables)->planes;
+    if (work->team) run(&j, direction_loop);
+    run(&j, apply_loop);
+    const double dq = sum_of(work->sums, planes);
+    if (model->def.pressure == KN_PRESSURE_CELLS) return dq + sum_of(work->sums + planes, planes);
+    return model->def.pressure == KN_PRESSURE_OBJECT ? dq + object_product(model, work) : dq;
 }
 
 #include "core/solve/kernel_coarse.h"
-
-static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
-{
-    const tables *t = model->tables;
-    return recall_nodes(state, work, t->row_count, t->rows, t->vectors);
-}
-
-static double update(const kn_model *model, const kn_work *work, double alpha)
-{
-    const tables *t = model->tables;
-    return t->vectors == 1 ? update_nodes(work, alpha, t->row_count, t->rows, 1)
-                           : update_nodes(work, alpha, t->row_count, t->rows, t->vectors);
-}
-
-static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
-{
-    const tables *t = model->tables;
-    integrate_nodes(state, work, t->law.dt, t->row_count, t->vectors);
-}
 
 const kn_kernels KN_KERNELS(grid) = KN_KERNELS_TABLE;

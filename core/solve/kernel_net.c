@@ -11,8 +11,7 @@
 #include "core/solve/coarse.h"
 #include "core/solve/kernel_nodes.h"
 
-// Number of rows whose nodes are summed together.
-enum { ROWS_TOGETHER = 16, RECORD = 4 };
+enum { RECORD = 4 };
 
 typedef struct tables {
     law_tables law; // must be first: its arrays are then aligned to 64 bytes like the block
@@ -32,8 +31,8 @@ typedef struct tables {
     // Coarse level. coarse_cell: lowest coarse node of the cell that contains the nodes of a row; coarse_step: from a
     // coarse node to the next one along x, y, z, 0 along an axis with one; coarse_place: places in the cell, 0 to 1
     // along x, y, z, then 1 if there is a node.
-    int *coarse_cell, coarse_step[3];
-    real *coarse_place; // [rows][4][16]
+    int *coarse_cell, coarse_step[3], cell_count, *cell_first; // [cells + 1] first row of each cell
+    real *coarse_place;                                        // [rows][4][16]
     // Gas. cells: number of cells, 0 without gas; sides: number of sides from a cell's first corner; corner
     // [batches of 16][4][16]: offsets of the corners' records; side [batches][3][x y z][16]: rest vectors of the sides;
     // inverse_volume: 1/V0; outside: P0; sixth: 1/6 for a tetrahedron, half the thickness for a triangle. The padding
@@ -53,7 +52,7 @@ static size_t tables_size(const kn_model *m)
     const size_t batch = KN_LANES * sizeof(real), batches = m->edge_reals / KN_LANES;
     return padded(sizeof(tables)) + batches * (2 * KN_LANES * sizeof(int) + 7 * batch) +
            padded((rows + 1) * sizeof(int)) + turns * (2 * KN_LANES * sizeof(int) + batch) + 6 * rows * batch +
-           padded(rows * sizeof(int)) + padded(cells * 4 * sizeof(int)) + padded(cells * 9 * sizeof(real)) +
+           2 * padded((rows + 1) * sizeof(int)) + padded(cells * 4 * sizeof(int)) + padded(cells * 9 * sizeof(real)) +
            padded(cells * sizeof(real));
 }
 
@@ -147,6 +146,7 @@ static void fill_coarse(const kn_model *m, tables *t, char **next)
     const kn_coarse *c = m->coarse;
     if (!c) return;
     t->coarse_cell = take(next, (size_t)t->rows * sizeof(int));
+    t->cell_first = take(next, ((size_t)t->rows + 1) * sizeof(int));
     t->coarse_place = take(next, 4 * (size_t)t->rows * KN_LANES * sizeof(real));
     for (int k = 0, step = 1; k < 3; step *= c->nodes[k++]) t->coarse_step[k] = c->nodes[k] > 1 ? step : 0;
     for (int i = 0; i < m->node_count; i++) {
@@ -158,6 +158,9 @@ static void fill_coarse(const kn_model *m, tables *t, char **next)
         for (int k = 0; k < 4; k++)
             t->coarse_place[(4 * row + k) * KN_LANES + lane % KN_LANES] = k < 3 ? (real)place[k] : 1;
     }
+    for (int row = 0; row < t->rows; row++)
+        if (row == 0 || t->coarse_cell[row] != t->coarse_cell[row - 1]) t->cell_first[t->cell_count++] = row;
+    t->cell_first[t->cell_count] = t->rows;
 }
 
 // Fill the tables of the cells.
@@ -215,19 +218,20 @@ LANES_INLINE void load_nodes(const real *field, int row, lanes out[3])
     for (int k = 0; k < 3; k++) out[k] = lanes_load(field + at(1, row, 3, k, 0));
 }
 
-// Write the records of all nodes. Return whether the guess differs from the last velocity at any node.
-static bool write_nodes(const tables *t, const kn_state *state, const kn_work *work, const records *to, bool again)
+// Write the records of all nodes.
+static void write_loop(void *loop, int part)
 {
-    bool afresh = again;
-    for (int row = 0; row < t->rows; row++) afresh = afresh || work->row_moved[row];
-    const real *field[3] = {state->displacement, state->velocity, work->guess};
-    for (int row = 0; row < t->rows; row++)
-        for (int f = 0; f < (afresh || t->cells > 0 ? 3 : 2); f++) {
+    const job *j = loop;
+    const tables *t = j->model->tables;
+    const records to = records_of(t, j->work);
+    const real *field[3] = {j->state->displacement, j->state->velocity, j->work->guess};
+    const range rows = rows_of(j, part);
+    for (int row = rows.first; row < rows.end; row++)
+        for (int f = 0; f < (j->moved || t->cells > 0 ? 3 : 2); f++) {
             lanes v[3];
             load_nodes(field[f], row, v);
-            lanes_put(to->node[f] + (size_t)row * KN_LANES * RECORD, v);
+            lanes_put(to.node[f] + (size_t)row * KN_LANES * RECORD, v);
         }
-    return afresh;
 }
 
 // Compute the differences of a field between the upper and the lower ends of sixteen edges.
@@ -249,7 +253,7 @@ static bool batch_moved(const tables *t, const kn_work *work, int batch)
 }
 
 // Linearise sixteen edges, and leave their pull and their vector g for the nodes.
-LANES_INLINE void edge_batch(const kn_model *model, kn_state *state, const tables *t, const records *x, int batch,
+LANES_INLINE void edge_batch(const kn_model *model, const kn_state *state, const tables *t, const records *x, int batch,
                              kn_law_kind kind, bool stroke, kn_linearization how, bool afresh, bool again)
 {
     const size_t at16 = (size_t)batch * KN_LANES;
@@ -300,22 +304,25 @@ LANES_INLINE void gather_edges(const tables *t, const fields *f, const records *
     for (int k = 0; k < 6; k++) lanes_store(f->p + at(1, row, 6, k, 0), block[k]);
 }
 
-static double finish_rows(const tables *t, const kn_state *state, const kn_work *work, const records *x, bool again)
+static void finish_loop(void *loop, int part)
 {
-    const fields f = fields_of(state, work, 1);
-    double total = 0;
-    for (int row = 0; row < t->rows;) {
-        const int end = row + ROWS_TOGETHER < t->rows ? row + ROWS_TOGETHER : t->rows;
+    const job *j = loop;
+    const kn_work *work = j->work;
+    const tables *t = j->model->tables;
+    const records x = records_of(t, work);
+    const fields f = fields_of(j->state, work, 1);
+    const range rows = rows_of(j, part);
+    for (int row = rows.first, together = rows_together(j->model); row < rows.end;) {
+        const int group = row / together, end = row + together < rows.end ? row + together : rows.end;
         lanes sum = lanes_set(0);
         for (; row < end; row++) {
             const size_t o = (size_t)row * KN_LANES;
-            gather_edges(t, &f, x, row);
+            gather_edges(t, &f, &x, row);
             sum = lanes_add(
-                sum, finish_nodes(&f, work, row, 0, lanes_load(t->mass_dt + o), lanes_load(t->weight + o), again));
+                sum, finish_nodes(&f, work, row, 0, lanes_load(t->mass_dt + o), lanes_load(t->weight + o), j->again));
         }
-        total += lanes_sum(sum);
+        work->sums[group] = lanes_sum(sum);
     }
-    return total;
 }
 
 // --- pressure in the elements ---------------------------------------------------------------------------------------
@@ -514,38 +521,43 @@ static double object_product(const kn_work *work, const tables *t)
 
 // --- the kernels ----------------------------------------------------------------------------------------------------
 
-LANES_INLINE double edge_pass(const kn_model *model, kn_state *state, const kn_work *work, kn_law_kind kind,
-                              bool stroke, kn_linearization how, bool again)
+LANES_INLINE void edge_batches(const job *j, int part, kn_law_kind kind, bool stroke)
 {
-    const tables *t = model->tables;
-    const records x = records_of(t, work);
-    const bool afresh = write_nodes(t, state, work, &x, again);
-    if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(work, t, &x);
-    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(work, t, &x);
-    for (int b = 0; b < t->batches; b++)
-        edge_batch(model, state, t, &x, b, kind, stroke, how, afresh && (again || batch_moved(t, work, b)), again);
-    return finish_rows(t, state, work, &x, again);
+    const tables *t = j->model->tables;
+    const records x = records_of(t, j->work);
+    const range batches = range_of(j->work, t->batches, part);
+    for (int b = batches.first; b < batches.end; b++)
+        edge_batch(j->model, j->state, t, &x, b, kind, stroke, j->how,
+                   j->again || (j->moved && batch_moved(t, j->work, b)), j->again);
 }
+
+#define EDGE_LOOP(name, kind, stroke)                                                                                  \
+    static void edge_##name(void *loop, int part) { edge_batches(loop, part, kind, stroke); }
+EDGE_LOOP(stroke, ((const tables *)((const job *)loop)->model->tables)->law.kind, true)
+EDGE_LOOP(voigt, KN_LAW_VOIGT, false)
+EDGE_LOOP(linear, KN_LAW_LINEAR, false)
+EDGE_LOOP(table, KN_LAW_TABLE, false)
+EDGE_LOOP(exact, KN_LAW_EXACT, false)
 
 static double edge(const kn_model *model, kn_state *state, const kn_work *work, kn_linearization how, bool again)
 {
     const tables *t = model->tables;
+    const records x = records_of(t, work);
+    job j = {model, state, work, how, again, again, 0};
+    for (int row = 0; row < t->rows; row++) j.moved = j.moved || work->row_moved[row];
+    run(&j, write_loop);
+    if (model->def.pressure == KN_PRESSURE_CELLS) cells_add(work, t, &x);
+    if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(work, t, &x);
     // each law without stops has a loop of its own; laws with stops share one
-    if (model->law.stroke) return edge_pass(model, state, work, t->law.kind, true, how, again);
-    switch (t->law.kind) {
-    case KN_LAW_VOIGT: return edge_pass(model, state, work, KN_LAW_VOIGT, false, how, again);
-    case KN_LAW_LINEAR: return edge_pass(model, state, work, KN_LAW_LINEAR, false, how, again);
-    case KN_LAW_TABLE: return edge_pass(model, state, work, KN_LAW_TABLE, false, how, again);
-    default: return edge_pass(model, state, work, KN_LAW_EXACT, false, how, again);
-    }
+    if (model->law.stroke) run(&j, edge_stroke);
+    else if (t->law.kind == KN_LAW_VOIGT) run(&j, edge_voigt);
+    else if (t->law.kind == KN_LAW_LINEAR) run(&j, edge_linear);
+    else run(&j, t->law.kind == KN_LAW_TABLE ? edge_table : edge_exact);
+    run(&j, finish_loop);
+    return sum_of(work->sums, groups_of(model));
 }
 
 // --- conjugate gradients --------------------------------------------------------------------------------------------
-
-static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
-{
-    return recall_nodes(state, work, model->row_count, ROWS_TOGETHER, 1);
-}
 
 // Add the products of all edges of the nodes of a row: g (g . gap), where `gap` is the difference of the search
 // direction between the node and the other end. Return d.q for each lane.
@@ -572,37 +584,46 @@ LANES_INLINE lanes product_row(const tables *t, const fields *f, const real *dir
     return sum;
 }
 
-static double apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
+static void direction_loop(void *loop, int part)
 {
-    const tables *t = model->tables;
-    const fields f = fields_of(state, work, 1);
-    const records x = records_of(t, work);
-    for (int row = 0; row < t->rows; row++) {
+    const job *j = loop;
+    const fields f = fields_of(j->state, j->work, 1);
+    const records x = records_of(j->model->tables, j->work);
+    const range rows = rows_of(j, part);
+    for (int row = rows.first; row < rows.end; row++) {
         lanes d[3];
-        next_direction(&f, row, (real)beta);
+        next_direction(&f, row, (real)j->factor);
         load_nodes(f.d, row, d);
         lanes_put(x.node[0] + (size_t)row * KN_LANES * RECORD, d);
     }
-    double total = 0;
-    for (int row = 0; row < t->rows;) {
-        const int end = row + ROWS_TOGETHER < t->rows ? row + ROWS_TOGETHER : t->rows;
+}
+
+static void product_loop(void *loop, int part)
+{
+    const job *j = loop;
+    const tables *t = j->model->tables;
+    const fields f = fields_of(j->state, j->work, 1);
+    const records x = records_of(t, j->work);
+    const range rows = rows_of(j, part);
+    for (int row = rows.first, together = rows_together(j->model); row < rows.end;) {
+        const int group = row / together, end = row + together < rows.end ? row + together : rows.end;
         lanes sum = lanes_set(0);
         for (; row < end; row++) sum = lanes_add(sum, product_row(t, &f, x.node[0], row));
-        total += lanes_sum(sum);
+        j->work->sums[group] = lanes_sum(sum);
     }
+}
+
+static double apply(const kn_model *model, const kn_state *state, const kn_work *work, double beta)
+{
+    const tables *t = model->tables;
+    const records x = records_of(t, work);
+    job j = {.model = model, .state = state, .work = work, .factor = beta};
+    run(&j, direction_loop);
+    run(&j, product_loop);
+    double total = sum_of(work->sums, groups_of(model));
     if (model->def.pressure == KN_PRESSURE_CELLS) total += cells_product(work, t, &x);
     if (model->def.pressure == KN_PRESSURE_OBJECT) total += object_product(work, t);
     return total;
-}
-
-static double update(const kn_model *model, const kn_work *work, double alpha)
-{
-    return update_nodes(work, alpha, model->row_count, ROWS_TOGETHER, 1);
-}
-
-static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
-{
-    integrate_nodes(state, work, ((const tables *)model->tables)->law.dt, model->row_count, 1);
 }
 
 // --- coarse level ---------------------------------------------------------------------------------------------------
@@ -647,37 +668,51 @@ LANES_INLINE void sum_lanes(const lanes v[3], real sum[3])
     for (int k = 0; k < 3; k++) sum[k] = (each[k] + each[RECORD + k]) + (each[2 * RECORD + k] + each[3 * RECORD + k]);
 }
 
-static void restriction(const kn_model *model, const kn_work *work)
+// Sum the residuals of the nodes of each cell, for its eight corners.
+static void restrict_loop(void *loop, int part)
 {
-    const tables *t = model->tables;
-    real *to = work->coarse;
-    for (int row = 0; row < t->rows;) {
-        const int first = row;
+    const job *j = loop;
+    const kn_work *work = j->work;
+    const tables *t = j->model->tables;
+    const range cells = range_of(work, t->cell_count, part);
+    for (int cell = cells.first; cell < cells.end; cell++) {
+        real *to = (real *)work->cut + 24 * cell;
         lanes sum[8][3];
         for (int c = 0; c < 8; c++)
             for (int k = 0; k < 3; k++) sum[c][k] = lanes_set(0);
         // the rows of one cell follow one another
-        for (; row < t->rows && t->coarse_cell[row] == t->coarse_cell[first]; row++) {
+        for (int row = t->cell_first[cell]; row < t->cell_first[cell + 1]; row++) {
             lanes weight[8], r[3];
             corner_weights(t, row, weight);
             for (int k = 0; k < 3; k++) r[k] = free_value(work, work->r, row, k);
             for (int c = 0; c < 8; c++)
                 for (int k = 0; k < 3; k++) sum[c][k] = lanes_fma(weight[c], r[k], sum[c][k]);
         }
-        for (int c = 0; c < 8; c++) {
-            real each[3];
-            sum_lanes(sum[c], each);
-            for (int k = 0; k < 3; k++) to[corner_of(t, first, c) + k] += each[k];
-        }
+        for (int c = 0; c < 8; c++) sum_lanes(sum[c], to + 3 * c);
     }
 }
 
-static void prolongation(const kn_model *model, const kn_work *work)
+static void restriction(const kn_model *model, const kn_work *work)
 {
     const tables *t = model->tables;
+    const real *sum = work->cut;
+    real *to = work->coarse;
+    job j = {.model = model, .work = work};
+    run(&j, restrict_loop);
+    for (int cell = 0; cell < t->cell_count; cell++)
+        for (int c = 0; c < 8; c++, sum += 3)
+            for (int k = 0; k < 3; k++) to[corner_of(t, t->cell_first[cell], c) + k] += sum[k];
+}
+
+static void prolong_loop(void *loop, int part)
+{
+    const job *j = loop;
+    const kn_work *work = j->work;
+    const tables *t = j->model->tables;
     const fields f = {.z = work->z, .free = work->free};
-    const real *from = (const real *)work->coarse + model->coarse->padded;
-    for (int row = 0; row < t->rows; row++) {
+    const real *from = (const real *)work->coarse + j->model->coarse->padded;
+    const range rows = rows_of(j, part);
+    for (int row = rows.first; row < rows.end; row++) {
         lanes weight[8], v[3] = {lanes_set(0), lanes_set(0), lanes_set(0)};
         corner_weights(t, row, weight);
         for (int c = 0; c < 8; c++)
@@ -688,6 +723,12 @@ static void prolongation(const kn_model *model, const kn_work *work)
             store_add(f.z + o, v[k]);
         }
     }
+}
+
+static void prolongation(const kn_model *model, const kn_work *work)
+{
+    job j = {.model = model, .work = work};
+    run(&j, prolong_loop);
 }
 
 const kn_kernels KN_KERNELS(net) = KN_KERNELS_TABLE;

@@ -5,6 +5,8 @@
 // net.
 #include "core/solve/contact.h"
 #include "core/solve/kernel_law.h"
+#include <limits.h>
+#include <string.h>
 
 // Return the offset of vector k of component c of a row, in a field with C components.
 LANES_INLINE size_t at(int K, int row, int C, int c, int k)
@@ -12,19 +14,76 @@ LANES_INLINE size_t at(int K, int row, int C, int c, int k)
     return (((size_t)row * (size_t)C + (size_t)c) * (size_t)K + (size_t)k) * KN_LANES;
 }
 
+// --- parts ----------------------------------------------------------------------------------------------------------
+
+// A kernel's loop over groups of rows is done in parts, one for each thread of a team. A part writes only to its own
+// rows. Every group leaves its sum in work->sums, and the sums are added in the order of the groups. So the number of
+// parts changes no bit.
+typedef struct job { // arguments of a loop
+    const kn_model *model;
+    const kn_state *state;
+    const kn_work *work;
+    kn_linearization how;
+    bool again, moved; // moved: the guess differs from the last velocity in some row (net)
+    double factor;     // alpha of update, beta of apply
+} job;
+
+typedef struct range {
+    int first, end;
+} range;
+
+LANES_INLINE range range_of(const kn_work *work, int count, int part)
+{
+    const int parts = work->team ? KN_TEAM_PARTS : 1;
+    return (range){(count * part + parts - 1) / parts, (count * (part + 1) + parts - 1) / parts};
+}
+
+// Return the number of rows of a net or a block, of rows in a group, of groups, and of vectors in a row.
+static inline int rows_in(const kn_model *m) { return m->def.mesh ? m->row_count : m->grid.rows; }
+static inline int rows_together(const kn_model *m) { return m->def.mesh ? 16 : m->grid.len[1]; }
+static inline int groups_of(const kn_model *m) { return (rows_in(m) + rows_together(m) - 1) / rows_together(m); }
+static inline int vectors_of(const kn_model *m) { return m->def.mesh ? 1 : m->grid.vectors; }
+
+// Return the rows of a part of a loop over groups.
+LANES_INLINE range rows_of(const job *j, int part)
+{
+    const range groups = range_of(j->work, groups_of(j->model), part);
+    const int rows = rows_in(j->model), first = groups.first * rows_together(j->model),
+              end = groups.end * rows_together(j->model);
+    return (range){first < rows ? first : rows, end < rows ? end : rows};
+}
+
+static void run(job *j, void (*loop)(void *job, int part))
+{
+    if (j->work->team) j->work->team->run(j->work->team, loop, j);
+    else loop(j, 0);
+}
+
+// Add the sums of the groups in their order.
+static double sum_of(const double *sums, int groups)
+{
+    double total = 0;
+    for (int i = 0; i < groups; i++) total += sums[i];
+    return total;
+}
+
 LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_load(p), a)); }
 
 typedef struct fields { // the fields of a state and of the solver, with the type `real`
     // K: number of vectors per row. If K is a constant 1, the compiler removes the branches from the loops.
     int K;
+    int first, end; // rows of this part; the others must not be written
     const real *x, *v;
     real *u, *guess, *r, *q, *d, *z, *p, *g;
     const real *free;
+    real *aside; // room for a row of g: what is not for this part
 } fields;
 
 LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
 {
     return (fields){K,
+                    0,
+                    INT_MAX,
                     state->displacement,
                     state->velocity,
                     state->strain,
@@ -35,7 +94,8 @@ LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
                     work->z,
                     work->p,
                     work->g,
-                    work->free};
+                    work->free,
+                    NULL};
 }
 
 // Compute z = P r for the symmetric blocks P of sixteen nodes. Return r.z for each lane.
@@ -108,23 +168,48 @@ LANES_INLINE lanes finish_nodes(const fields *f, const kn_work *work, int row, i
     return rz;
 }
 
-// Set z to the last step's change of velocity at free components. Return r.z.
-LANES_INLINE double recall_nodes(const kn_state *state, const kn_work *work, int rows, int together, int K)
+static void begin_loop(void *loop, int part)
 {
-    const real *change = state->change, *r = work->r, *free = work->free;
-    real *z = work->z;
-    double total = 0;
-    for (int row = 0; row < rows; row += together) {
-        const int end = row + together < rows ? row + together : rows;
+    const job *j = loop;
+    const range rows = rows_of(j, part);
+    const size_t row = at(vectors_of(j->model), 1, 3, 0, 0);
+    const size_t from = (size_t)rows.first * row, reals = (size_t)rows.end * row - from;
+    memset((real *)j->work->r + from, 0, reals * sizeof(real));
+    memset((real *)j->work->p + 2 * from, 0, 2 * reals * sizeof(real));
+    if (!j->again) memcpy((real *)j->work->guess + from, (const real *)j->state->velocity + from, reals * sizeof(real));
+}
+
+static void begin(const kn_model *model, const kn_state *state, const kn_work *work, bool again)
+{
+    job j = {.model = model, .state = state, .work = work, .again = again};
+    run(&j, begin_loop);
+}
+
+// Set z to the last step's change of velocity at free components. Sum r.z.
+static void recall_loop(void *loop, int part)
+{
+    const job *j = loop;
+    const real *change = j->state->change, *r = j->work->r, *free = j->work->free;
+    const range rows = rows_of(j, part);
+    const size_t reals = at(vectors_of(j->model), 1, 3, 0, 0);
+    real *z = j->work->z;
+    for (int row = rows.first, together = rows_together(j->model); row < rows.end; row += together) {
+        const int end = row + together < rows.end ? row + together : rows.end;
         lanes sum = lanes_set(0);
-        for (size_t o = at(K, row, 3, 0, 0); o < at(K, end, 3, 0, 0); o += KN_LANES) {
+        for (size_t o = (size_t)row * reals; o < (size_t)end * reals; o += KN_LANES) {
             lanes d = lanes_mul(lanes_load(change + o), lanes_load(free + o));
             lanes_store(z + o, d);
             sum = lanes_fma(d, lanes_load(r + o), sum);
         }
-        total += lanes_sum(sum);
+        j->work->sums[row / together] = lanes_sum(sum);
     }
-    return total;
+}
+
+static double recall(const kn_model *model, const kn_state *state, const kn_work *work)
+{
+    job j = {.model = model, .state = state, .work = work};
+    run(&j, recall_loop);
+    return sum_of(work->sums, groups_of(model));
 }
 
 // Compute d = z + beta d of one row.
@@ -136,14 +221,15 @@ LANES_INLINE void next_direction(const fields *f, int row, real beta)
     }
 }
 
-// Compute guess += alpha d, r -= alpha q, z = P r. Return r.z.
-LANES_INLINE double update_nodes(const kn_work *work, double alpha, int rows, int together, int K)
+// Compute guess += alpha d, r -= alpha q, z = P r. Sum r.z.
+LANES_INLINE void update_nodes(const job *j, int part, int K)
 {
+    const kn_work *work = j->work;
+    const range rows = rows_of(j, part);
     fields f = {.K = K, .guess = work->guess, .r = work->r, .q = work->q, .d = work->d, .z = work->z, .p = work->p};
-    const lanes a = lanes_set((real)alpha), zero = lanes_set(0);
-    double total = 0;
-    for (int row = 0; row < rows;) {
-        const int end = row + together < rows ? row + together : rows;
+    const lanes a = lanes_set((real)j->factor), zero = lanes_set(0);
+    for (int row = rows.first, together = rows_together(j->model); row < rows.end;) {
+        const int group = row / together, end = row + together < rows.end ? row + together : rows.end;
         lanes sum = zero;
         for (; row < end; row++)
             for (int k = 0; k < f.K; k++) {
@@ -159,35 +245,61 @@ LANES_INLINE double update_nodes(const kn_work *work, double alpha, int rows, in
                 sum = lanes_add(sum, multiply_block(p, r, z));
                 for (int i = 0; i < 3; i++) lanes_store(f.z + at(f.K, row, 3, i, k), z[i]);
             }
-        total += lanes_sum(sum);
+        work->sums[group] = lanes_sum(sum);
     }
-    return total;
+}
+
+static void update_loop(void *loop, int part)
+{
+    const job *j = loop;
+    if (vectors_of(j->model) == 1) update_nodes(j, part, 1);
+    else update_nodes(j, part, vectors_of(j->model));
+}
+
+static double update(const kn_model *model, const kn_work *work, double alpha)
+{
+    job j = {.model = model, .work = work, .factor = alpha};
+    run(&j, update_loop);
+    return sum_of(work->sums, groups_of(model));
 }
 
 // Advance displacements, velocities and the last change of velocity.
-LANES_INLINE void integrate_nodes(kn_state *state, const kn_work *work, real dt, int rows, int K)
+static void integrate_loop(void *loop, int part)
 {
-    real *x = state->displacement, *v = state->velocity, *change = state->change;
-    const real *guess = work->guess;
-    for (size_t o = 0; o < at(K, rows, 3, 0, 0); o += KN_LANES) {
+    const job *j = loop;
+    real *x = j->state->displacement, *v = j->state->velocity, *change = j->state->change;
+    const real *guess = j->work->guess;
+    const range rows = rows_of(j, part);
+    const size_t row = at(vectors_of(j->model), 1, 3, 0, 0);
+    const lanes dt = lanes_set((real)j->model->law.dt_s);
+    for (size_t o = (size_t)rows.first * row; o < (size_t)rows.end * row; o += KN_LANES) {
         lanes g = lanes_load(guess + o);
         lanes_store(change + o, lanes_sub(g, lanes_load(v + o)));
         lanes_store(v + o, g);
-        lanes_store(x + o, lanes_fma(lanes_set(dt), g, lanes_load(x + o)));
+        lanes_store(x + o, lanes_fma(dt, g, lanes_load(x + o)));
     }
+}
+
+static void integrate(const kn_model *model, kn_state *state, const kn_work *work)
+{
+    job j = {.model = model, .state = state, .work = work};
+    run(&j, integrate_loop);
 }
 
 // --- coarse level ---------------------------------------------------------------------------------------------------
 
-// Compute `count` vectors of the product of the inverse coarse matrix and r_c. The accumulators stay in registers.
-LANES_INLINE lanes coarse_product(const kn_coarse *coarse, const real *r, real *z, int from, int count)
+// Compute up to `count` vectors of the product of the inverse coarse matrix and r_c. The accumulators stay in
+// registers. Store r.z for each lane.
+LANES_INLINE void coarse_product(const job *j, int from, int count, real *sums)
 {
-    const real *column = (const real *)coarse->inverse + (size_t)from * KN_LANES;
+    const kn_coarse *coarse = j->model->coarse;
+    const real *column = (const real *)coarse->inverse + (size_t)from * KN_LANES, *r = j->work->coarse;
+    real *z = (real *)j->work->coarse + coarse->padded;
     lanes sum[6], rz = lanes_set(0);
     UNROLL(6)
     for (int i = 0; i < count; i++) sum[i] = lanes_set(0);
-    for (int j = 0; j < coarse->unknowns; j++, column += coarse->padded) {
-        const lanes value = lanes_set(r[j]);
+    for (const real *end = r + coarse->unknowns; r < end; r++, column += coarse->padded) {
+        const lanes value = lanes_set(*r);
         UNROLL(6)
         for (int i = 0; i < count; i++) sum[i] = lanes_fma(value, lanes_load(column + (size_t)i * KN_LANES), sum[i]);
     }
@@ -195,28 +307,36 @@ LANES_INLINE lanes coarse_product(const kn_coarse *coarse, const real *r, real *
     for (int i = 0; i < count; i++) {
         const size_t o = (size_t)(from + i) * KN_LANES;
         lanes_store(z + o, sum[i]);
-        rz = lanes_fma(sum[i], lanes_load(r + o), rz);
+        rz = lanes_fma(sum[i], lanes_load((const real *)j->work->coarse + o), rz);
     }
-    return rz;
+    lanes_store(sums, rz);
+}
+
+static void coarse_loop(void *loop, int part)
+{
+    const job *j = loop;
+    const int vectors = j->model->coarse->padded / KN_LANES;
+    const range sixes = range_of(j->work, (vectors + 5) / 6, part);
+    for (int i = sixes.first, v = 6 * i; i < sixes.end; i++, v += 6) {
+        real *sums = (real *)j->work->cut + i * KN_LANES;
+        switch (vectors - v) {
+        case 1: coarse_product(j, v, 1, sums); break;
+        case 2: coarse_product(j, v, 2, sums); break;
+        case 3: coarse_product(j, v, 3, sums); break;
+        case 4: coarse_product(j, v, 4, sums); break;
+        case 5: coarse_product(j, v, 5, sums); break;
+        default: coarse_product(j, v, 6, sums); break;
+        }
+    }
 }
 
 static double coarse_solve(const kn_model *model, const kn_work *work)
 {
-    const kn_coarse *coarse = model->coarse;
-    const real *r = work->coarse;
-    real *z = (real *)work->coarse + coarse->padded;
-    const int vectors = coarse->padded / KN_LANES;
-    int v = 0;
+    job j = {.model = model, .work = work};
     lanes rz = lanes_set(0);
-    for (; v + 6 <= vectors; v += 6) rz = lanes_add(rz, coarse_product(coarse, r, z, v, 6));
-    switch (vectors - v) {
-    case 1: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 1)); break;
-    case 2: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 2)); break;
-    case 3: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 3)); break;
-    case 4: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 4)); break;
-    case 5: rz = lanes_add(rz, coarse_product(coarse, r, z, v, 5)); break;
-    default: break;
-    }
+    run(&j, coarse_loop);
+    for (int v = 0; v < model->coarse->padded; v += 6 * KN_LANES)
+        rz = lanes_add(rz, lanes_load((const real *)work->cut + v / 6));
     return lanes_sum(rz);
 }
 
@@ -362,10 +482,10 @@ static double contact_product(const kn_model *model, const kn_work *work, const 
 
 #define KN_KERNELS_TABLE                                                                                               \
     {                                                                                                                  \
-        .name = KN_KERNELS_NAME, .tables_size = tables_size, .tables_build = tables_build, .edge = edge,               \
-        .recall = recall, .apply = apply, .update = update, .restriction = restriction, .coarse_solve = coarse_solve,  \
-        .prolongation = prolongation, .contact_rates = contact_rates, .contact_add = contact_add,                      \
-        .contact_product = contact_product, .integrate = integrate                                                     \
+        .name = KN_KERNELS_NAME, .tables_size = tables_size, .tables_build = tables_build, .begin = begin,             \
+        .edge = edge, .recall = recall, .apply = apply, .update = update, .restriction = restriction,                  \
+        .coarse_solve = coarse_solve, .prolongation = prolongation, .contact_rates = contact_rates,                    \
+        .contact_add = contact_add, .contact_product = contact_product, .integrate = integrate                         \
     }
 
 #endif

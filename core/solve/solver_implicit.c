@@ -42,9 +42,8 @@ static void hold_node(const kn_model *m, const kn_state *state, kn_scratch *s, c
 // Set the guess to the last velocities, and overwrite the components that plates prescribe.
 static void prescribe(const kn_model *m, kn_state *state, kn_scratch *s)
 {
-    size_t bytes = kn_state_field(m, 3);
     free_last_held(m, s);
-    memcpy(s->work.guess, state->velocity, bytes);
+    m->kernels->begin(m, state, &s->work, false);
     for (int i = 0; i < s->contact.hold_count; i++) hold_node(m, state, s, &s->contact.hold[i]);
 }
 
@@ -56,11 +55,9 @@ static void add_top_load(const kn_model *m, kn_scratch *s, double load_n)
         kn_real_add(m, s->work.r, m->offset[m->top[t]] + 2 * m->stride, -load_n * m->top_share[t]);
 }
 
-// Clear the residual and the diagonal blocks, then add the dead load on the top and the forces of the contact.
+// Add the dead load on the top and the forces of the contact.
 static void add_external(const kn_model *m, kn_scratch *s, const kn_input *input)
 {
-    memset(s->work.r, 0, kn_state_field(m, 3));
-    memset(s->work.p, 0, kn_state_field(m, 6));
     if (input->top_load_n != 0) add_top_load(m, s, input->top_load_n);
     kn_foundation_push(m, s);
 }
@@ -379,6 +376,7 @@ void kn_solve_implicit(const kn_model *model, kn_state *state, kn_scratch *s, co
         // in an impact, nodes that pull leave the plate before the law is linearised again
         if (impact) let_go(model, state, s);
         // linearise: dead load, contact, then the law of every edge at the guess
+        if (pass > 0) model->kernels->begin(model, state, &s->work, true);
         add_external(model, s, input);
         rigid_begin(model, state, s);
         rz = model->kernels->edge(model, state, &s->work, how, pass > 0);
