@@ -203,7 +203,8 @@ static int strike(const char *path, bool finer, int64_t units)
          (const char *const[]){"device.guard=100 N/ms", "solver.iterations_max=300", "solver.tolerance=1e-5",
                                "solver.passes=12"},
          4);
-    const int64_t deadline = units < 0 ? kn_served_object_deadline(&on.backend, on.model, on.scene->budget_s) : units;
+    const int64_t deadline =
+        units < 0 ? kn_served_object_deadline(&on.backend, NULL, on.model, on.scene->budget_s) : units;
     int over = 0;
     for (int p = 0; p < on.model->def.probe_count; p++) {
         const bool rigid = on.model->def.probe[p].shape == KN_PROBE_PLATE;

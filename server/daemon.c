@@ -320,14 +320,14 @@ static void *keeper_main(void *arg)
 static const struct {
     const char *name;
     int priority;
-    bool pinned;
+    kn_rt_cpu cpu;
     void *(*run)(void *server);
-} threads[THREADS] = {[SERVO] = {"servo", KN_RT_SERVO, true, servo_main},
-                      [SENTINEL] = {"sentinel", KN_RT_SENTINEL, true, sentinel_main},
-                      [MESH] = {"mesh", KN_RT_NORMAL, false, mesh_main},
-                      [CONTROL] = {"control", KN_RT_NORMAL, false, control_main},
-                      [WORKER] = {"worker", KN_RT_NORMAL, false, worker_main},
-                      [KEEPER] = {"keeper", KN_RT_NORMAL, false, keeper_main}};
+} threads[THREADS] = {[SERVO] = {"servo", KN_RT_SERVO, KN_RT_CPU_SERVO, servo_main},
+                      [SENTINEL] = {"sentinel", KN_RT_SENTINEL, KN_RT_CPU_SERVO, sentinel_main},
+                      [MESH] = {"mesh", KN_RT_NORMAL, KN_RT_CPU_ANY, mesh_main},
+                      [CONTROL] = {"control", KN_RT_NORMAL, KN_RT_CPU_ANY, control_main},
+                      [WORKER] = {"worker", KN_RT_NORMAL, KN_RT_CPU_ANY, worker_main},
+                      [KEEPER] = {"keeper", KN_RT_NORMAL, KN_RT_CPU_ANY, keeper_main}};
 
 // Return whether this run of the server needs a thread: control and worker need a control socket, the keeper needs a
 // directory of snapshots.
@@ -428,12 +428,15 @@ static bool open_control(server *d, const kn_daemon_def *def, char *error, size_
 // Measure the object, create the threads, lock the memory and let the threads run.
 static bool start_threads(server *d, const kn_daemon_def *def, char *error, size_t error_size)
 {
-    d->loop.deadline = kn_served_object_deadline(&d->on.backend, d->on.model, d->on.scene->budget_s);
+    kn_served_object_help(&d->on);
+    d->loop.servo.helper = d->on.helper;
+    d->loop.deadline = kn_served_object_deadline(&d->on.backend, d->on.helper, d->on.model, d->on.scene->budget_s);
     // Enter real-time priority only now, because building a scene takes longer than LimitRTTIME allows a real-time
     // thread to run.
     kn_rt_enter(&d->rt, def->realtime);
-    d->check.rest_ns = kn_served_object_measure(&d->on.backend, NULL);
-    d->operator.served_ns = kn_served_object_measure(&d->on.backend, d->on.model);
+    kn_helper_raise(d->on.helper, &d->rt);
+    d->check.rest_ns = kn_served_object_measure(&d->on.backend, NULL, NULL);
+    d->operator.served_ns = kn_served_object_measure(&d->on.backend, d->on.helper, d->on.model);
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;
@@ -444,7 +447,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     int failed = 0;
     for (int i = 0; i < THREADS && !failed; i++)
         if (needs(d, i))
-            failed = kn_rt_thread(&d->rt, &d->thread[i], threads[i].name, threads[i].priority, threads[i].pinned,
+            failed = kn_rt_thread(&d->rt, &d->thread[i], threads[i].name, threads[i].priority, threads[i].cpu,
                                   threads[i].run, d);
     // Lock the memory now that all stacks exist and no thread runs yet.
     if (!failed) kn_rt_lock_memory(&d->rt);

@@ -285,6 +285,8 @@ static void tell_ready(kn_health_check *c, FILE *out)
             c->exchange->receiver.peers);
     if (c->served->model->isa == KN_ISA_BASE)
         fprintf(out, "kneadd: not real time: this processor has no fused multiply-add, so software computes it\n");
+    if (c->served->helper) fprintf(out, "kneadd: two threads step the object\n");
+    if (*c->served->alone) fprintf(out, "kneadd: one thread steps the object, not two: %s\n", c->served->alone);
     // The servo is already running and may lower the deadline, so print the deadline of the start.
     if (c->loop->measured_deadline > 0)
         fprintf(out, "kneadd: a step ends by its deadline of %" PRId64 " units of work\n", c->loop->measured_deadline);

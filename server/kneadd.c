@@ -14,8 +14,9 @@
 
 static const char usage[] =
     "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
-    "              [--phase lock|free] [--quality NAME] [--backend cpu|fixed|DEVICE] [--local-model] [--touch]\n"
-    "              [--control PATH] [--state-dir DIR] [--trace FILE] [--key FILE] [--lan IFACE] [--peer ADDRESS]...\n"
+    "              [--phase lock|free] [--quality NAME] [--backend cpu|fixed|DEVICE] [--threads 1|2] [--local-model]\n"
+    "              [--touch] [--control PATH] [--state-dir DIR] [--trace FILE] [--key FILE] [--lan IFACE] "
+    "[--peer ADDRESS]...\n"
     "\n"
     "  --scene FILE      serve this scene, the object and its probes (YAML); knead check FILE shows its cost\n"
     "  --set KEY=VALUE   override a key of the scene, e.g. material.k1='300 gf/cm^3'; knead check --keys lists them\n"
@@ -26,6 +27,8 @@ static const char usage[] =
     "                    what it refuses; require: exit 3 if it refuses any; off: request neither (default: auto)\n"
     "  --phase MODE      lock: ticks follow the poses of the first engaged tool, and a pose waits only tens of us;\n"
     "                    free: ticks do not follow the poses (default: lock)\n"
+    "  --threads N       step the lattice with 1 or 2 threads, each on a processor of its own; the bits are the same;\n"
+    "                    knead check FILE shows what the second one brings (default: the scene's, else 1)\n"
     "  --backend WHERE   step the lattice on the processor or on a circuit. cpu: the processor, the scene's solver;\n"
     "                    fixed: the processor, with the integer arithmetic of the circuit in hdl. A circuit:\n"
     "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0 or shm:NAME; if it is lost, its\n"
@@ -74,6 +77,11 @@ static const char *take_backend(void *to, const char *text)
     return NULL;
 }
 
+static const char *threads_set(const char *text)
+{
+    return !strcmp(text, "1") ? "solver.threads=1" : !strcmp(text, "2") ? "solver.threads=2" : NULL;
+}
+
 static const char *take_peer(void *to, const char *address)
 {
     kn_daemon_def *def = to;
@@ -102,6 +110,8 @@ static int run(int argc, char **argv, const char **sets)
         KN_OPTION("control", SPECIAL, AT(def.control), .take = take_control),
         KN_OPTION("quality", LIST, AT(sets), .count = offsetof(options, def.object.set_count), .map = kn_quality_set,
                   .expected = kn_quality_names),
+        KN_OPTION("threads", LIST, AT(sets), .count = offsetof(options, def.object.set_count), .map = threads_set,
+                  .expected = "--threads 1 or 2"),
         KN_OPTION("phase", EITHER, AT(def.free), .unit = "lock|free", .expected = "--phase lock or free"),
         KN_OPTION("trace", TEXT, AT(def.trace)),
         KN_OPTION("state-dir", TEXT, AT(def.object.state_dir)),

@@ -89,21 +89,26 @@ static void *thread_main(void *memory)
     return start.run(start.arg);
 }
 
-// Pin a thread to the last processor that the process may use, because most interrupts and kernel work run on the
-// first.
-static void pin(pthread_attr_t *attr)
+// Pin a thread to one processor.
+static void pin(pthread_attr_t *attr, kn_rt_cpu where)
 {
-    cpu_set_t may, last;
+    cpu_set_t may, one;
     if (sched_getaffinity(0, sizeof may, &may) != 0) return;
     size_t cpu = CPU_SETSIZE - 1;
-    while (cpu > 0 && !CPU_ISSET(cpu, &may)) cpu--;
-    CPU_ZERO(&last);
-    CPU_SET(cpu, &last);
-    pthread_attr_setaffinity_np(attr, sizeof last, &last);
+    for (int left = (int)where; cpu > 0; cpu--)
+        if (CPU_ISSET(cpu, &may) && --left == 0) break;
+    CPU_ZERO(&one);
+    CPU_SET(cpu, &one);
+    pthread_attr_setaffinity_np(attr, sizeof one, &one);
 }
 
-int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, bool pinned, void *(*run)(void *),
-                 void *arg)
+void kn_rt_raise(const kn_rt *rt, pthread_t thread, int priority)
+{
+    if (rt->fifo) pthread_setschedparam(thread, SCHED_FIFO, &(struct sched_param){.sched_priority = priority});
+}
+
+int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, kn_rt_cpu cpu,
+                 void *(*run)(void *), void *arg)
 {
     bool fifo = rt->fifo && priority != KN_RT_NORMAL;
     struct sched_param param = {.sched_priority = fifo ? priority : 0};
@@ -119,7 +124,7 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
     pthread_attr_setschedpolicy(&attr, fifo ? SCHED_FIFO : SCHED_OTHER);
     pthread_attr_setschedparam(&attr, &param);
-    if (pinned) pin(&attr);
+    if (cpu != KN_RT_CPU_ANY) pin(&attr, cpu);
     // block all signals, because a new thread inherits the signal mask and only the main thread may receive signals
     sigset_t all, before;
     sigfillset(&all);

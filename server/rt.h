@@ -6,6 +6,7 @@
 //     servo      SCHED_FIFO 80   a tick must start within the millisecond
 //     sentinel   SCHED_FIFO 79   one below the servo, on its core: sees stalls, never delays a tick
 //     main       SCHED_FIFO 70   receives poses, publishes forces
+//     helper     SCHED_FIFO 60   a part of each loop of a step, if the scene asks for two threads (team.h)
 //     mesh       normal          meshes may be late
 //     control    normal          an operator's requests
 //     worker     normal          the requests that wait for the disk
@@ -25,7 +26,11 @@ typedef enum kn_rt_mode {
     KN_RT_OFF      // normal priority, memory not locked
 } kn_rt_mode;
 
-enum { KN_RT_NORMAL = 0, KN_RT_MAIN = 70, KN_RT_SENTINEL = 79, KN_RT_SERVO = 80 };
+enum { KN_RT_NORMAL = 0, KN_RT_HELPER = 60, KN_RT_MAIN = 70, KN_RT_SENTINEL = 79, KN_RT_SERVO = 80 };
+
+// Processor of a thread: any; the last one that the process may use, because most interrupts and kernel work run on the
+// first; the one before the last.
+typedef enum kn_rt_cpu { KN_RT_CPU_ANY, KN_RT_CPU_SERVO, KN_RT_CPU_HELPER } kn_rt_cpu;
 
 typedef struct kn_rt {
     kn_rt_mode mode;
@@ -46,11 +51,12 @@ int64_t kn_rt_clock_ns(clockid_t clock);
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
 void kn_rt_leave(const kn_rt *rt); // undo kn_rt_enter, when the other threads have ended
 
-// Create a thread with all signals blocked and a small stack, whose pages are mapped before `run` is called. `pinned`:
-// run the thread on the last processor that the process may use. `name`: shown by ps and top -H, <= 15 bytes. Return
-// pthread_create's error.
-int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, bool pinned, void *(*run)(void *),
-                 void *arg);
+// Create a thread with all signals blocked and a small stack, whose pages are mapped before `run` is called. `name`:
+// shown by ps and top -H, <= 15 bytes. Return pthread_create's error.
+int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, kn_rt_cpu cpu,
+                 void *(*run)(void *), void *arg);
+// Give a thread the real-time priority `priority`, if the machine grants it.
+void kn_rt_raise(const kn_rt *rt, pthread_t thread, int priority);
 
 // Lock all memory that is mapped now. If RLIMIT_MEMLOCK is unlimited, also lock memory that is mapped later; under a
 // limit, every later mmap could then fail. Sanitizer builds never lock, since their shadow memory is terabytes. Call

@@ -152,16 +152,19 @@ static void strike(const kn_model *model, int tick, kn_input *input)
 }
 
 // Run one tick of the backend, and return its time by the given clock, ns.
-static int64_t step(kn_backend *b, clockid_t clock, const kn_input *input, kn_output *output)
+static int64_t step(kn_backend *b, kn_helper *helper, const kn_model *model, clockid_t clock, const kn_input *input,
+                    kn_output *output)
 {
     int64_t from_ns = kn_rt_clock_ns(clock);
+    kn_helper_join(helper, b, model);
     b->submit(b->self, input);
     b->wait(b->self, 0, output);
+    kn_helper_rest(helper);
     return kn_rt_clock_ns(clock) - from_ns;
 }
 
 // Measure a few ticks and take the shortest, because other processes can only lengthen a tick. Stop after 20 ms.
-int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
+int64_t kn_served_object_measure(kn_backend *b, kn_helper *helper, const kn_model *pressed)
 {
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits
     kn_fpga_counts circuit;
@@ -171,7 +174,7 @@ int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
         kn_input input = {0};
         kn_output output;
         if (pressed) strike(pressed, i, &input);
-        int64_t took_ns = step(b, clock, &input, &output);
+        int64_t took_ns = step(b, pressed ? helper : NULL, pressed, clock, &input, &output);
         if (took_ns < best_ns) best_ns = took_ns;
     }
     b->reset(b->self);
@@ -184,8 +187,8 @@ enum { STRIKES = 12, STRIKE_ROUNDS = 12, STRIKE_UNITS = 600000 };
 
 // Measure the time and the units of work of each tick of a simulated impact. Repeat the impact, and keep the shortest
 // time of each tick. Stop after 0.1 s of processor time.
-static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, int64_t took_ns[STRIKES],
-                       int64_t units[STRIKES])
+static void strike_all(kn_backend *b, kn_helper *helper, const kn_model *model, int64_t deadline,
+                       int64_t took_ns[STRIKES], int64_t units[STRIKES])
 {
     const clockid_t clock = CLOCK_THREAD_CPUTIME_ID;
     const int64_t start_ns = kn_rt_clock_ns(clock);
@@ -195,7 +198,7 @@ static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, i
             kn_input input = {.deadline = deadline};
             kn_output output;
             strike(model, i, &input);
-            int64_t ns = step(b, clock, &input, &output);
+            int64_t ns = step(b, helper, model, clock, &input, &output);
             if (round == 0 || ns < took_ns[i]) took_ns[i] = ns;
             units[i] = output.units;
         }
@@ -203,13 +206,13 @@ static void strike_all(kn_backend *b, const kn_model *model, int64_t deadline, i
     b->reset(b->self);
 }
 
-int64_t kn_served_object_deadline(kn_backend *b, const kn_model *model, double budget_s)
+int64_t kn_served_object_deadline(kn_backend *b, kn_helper *helper, const kn_model *model, double budget_s)
 {
     const int64_t least = kn_deadline_least(model);
     int64_t took_ns[STRIKES], units[STRIKES];
     int64_t sum_ns = 0, sum = 0, longest = 0;
     if (model->def.solver.kind != KN_SOLVER_IMPLICIT) return 0;
-    strike_all(b, model, least > STRIKE_UNITS ? least : STRIKE_UNITS, took_ns, units);
+    strike_all(b, helper, model, least > STRIKE_UNITS ? least : STRIKE_UNITS, took_ns, units);
     // use only the long steps, because a short step mostly consists of work that a deadline does not shorten
     for (int i = 0; i < STRIKES; i++) longest = units[i] > longest ? units[i] : longest;
     for (int i = 0; i < STRIKES; i++)
@@ -219,10 +222,10 @@ int64_t kn_served_object_deadline(kn_backend *b, const kn_model *model, double b
     return most > least ? most : least;
 }
 
-int64_t kn_served_object_worst(kn_backend *b, const kn_model *model, int64_t deadline)
+int64_t kn_served_object_worst(kn_backend *b, kn_helper *helper, const kn_model *model, int64_t deadline)
 {
     int64_t took_ns[STRIKES], units[STRIKES], worst_ns = 0;
-    strike_all(b, model, deadline, took_ns, units);
+    strike_all(b, helper, model, deadline, took_ns, units);
     for (int i = 0; i < STRIKES; i++) worst_ns = took_ns[i] > worst_ns ? took_ns[i] : worst_ns;
     return worst_ns;
 }
@@ -236,9 +239,19 @@ int kn_served_object_load(kn_served_object *served, const kn_served_object_def *
     return code;
 }
 
+void kn_served_object_help(kn_served_object *served)
+{
+    kn_served_object *s = served;
+    if (s->scene->threads < 2) return;
+    if (strcmp(s->backend.name, "cpu") == 0 && s->model->def.solver.kind == KN_SOLVER_IMPLICIT)
+        s->helper = kn_helper_create(s->alone, sizeof s->alone);
+    else snprintf(s->alone, sizeof s->alone, "expected solver.kind implicit, without a circuit");
+}
+
 void kn_served_object_free(kn_served_object *served)
 {
     kn_served_object *s = served;
+    kn_helper_destroy(s->helper);
     kn_audit_destroy(s->audit);
     if (s->backend.destroy) s->backend.destroy(s->backend.self);
     kn_model_destroy(s->model);

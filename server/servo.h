@@ -23,6 +23,7 @@
 #include "core/scene/scene.h"
 #include "server/backend/backend.h"
 #include "server/scene_change.h"
+#include "server/team.h"
 #include <stdint.h>
 
 // A validated pose: finite, unit quaternion, in the workspace, newer than the session's previous pose.
@@ -146,6 +147,7 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     kn_backend *backend;
     const kn_settings *settings; // settings that override those of the scene at the start; NULL: none
     const kn_audit_news *audit;  // energy audit, reported by checkpoint events; NULL: no audit
+    kn_helper *helper;           // second thread of a step; NULL: none
     struct kn_undo *undo;        // undo points of the object; NULL: undo is not available
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose of each probe that a tick used; session 0: none

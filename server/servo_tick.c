@@ -211,7 +211,9 @@ static void step(kn_tick *t)
     b->submit(b->self, &t->input);
     t->stepped = true;
     // wait() returns by the deadline in every case
-    switch (b->wait(b->self, t->in->deadline_ns, &t->output)) {
+    const kn_backend_status status = b->wait(b->self, t->in->deadline_ns, &t->output);
+    kn_helper_rest(t->servo->helper);
+    switch (status) {
     case KN_BACKEND_OK: break;
     case KN_BACKEND_SHADOWED: t->shadowed = true; break;
     case KN_BACKEND_LATE: t->servo->late++; break;
@@ -304,6 +306,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     out->local = servo->backend->contact != NULL;
     kn_tick t = {.servo = servo, .in = in, .out = out};
 
+    kn_helper_join(servo->helper, servo->backend, servo->model); // it wakes while this thread reads the poses
     read_all(&t);
     bool pressed = any_attached(&t);
     for (int p = 0; p < out->probes; p++) watch_probe(&t, p);

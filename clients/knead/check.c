@@ -215,12 +215,9 @@ static void print_cost(const kn_model *model)
     const kn_solver_def *s = &model->def.solver;
     kn_tick_cost_part part[KN_TICK_COST_PARTS];
     int count = kn_tick_cost_parts(model, part);
-    printf("cost      predicted, one core                  kB  kflop     us; each CG iteration:  kB  kflop     us\n");
-    for (int i = 0; i < count; i++) {
-        const kn_tick_cost *o = &part[i].once, *n = &part[i].iteration;
-        printf("          %-32s %7.0f %6.0f %6.1f %27.0f %6.0f %6.1f\n", part[i].name, 1e-3 * o->bytes, 1e-3 * o->flops,
-               o->us, 1e-3 * n->bytes, 1e-3 * n->flops, n->us);
-    }
+    printf("cost      predicted, one core                  us  each CG iteration\n");
+    for (int i = 0; i < count; i++)
+        printf("          %-32s %7.1f %18.1f\n", part[i].name, part[i].once_us, part[i].iteration_us);
     // Solver settings of the scene itself, without a named quality such as fast.
     const kn_effort own = {s->iterations, s->iterations_max, s->tolerance, s->passes, s->linearization};
     double us = kn_tick_cost_us(model, &own, false);
@@ -294,6 +291,23 @@ static void print_solver(const kn_model *model)
         warn("the object needs more memory than this machine has");
 }
 
+// Print what a second thread would bring on this machine.
+static void print_threads(kn_backend *b, const kn_model *model, double one_ms)
+{
+    char why[64];
+    kn_helper *helper = kn_helper_create(why, sizeof why);
+    if (!helper) {
+        printf("threads   one: %s\n", why);
+        return;
+    }
+    const double two_ms = 1e-6 * (double)kn_served_object_worst(b, helper, model, 0);
+    printf("threads   with solver.threads 2 that worst tick takes %.2g ms instead of %.2g ms; the second thread was in "
+           "time for %.0f %% of its work\n",
+           two_ms, one_ms, 100 * kn_helper_share(helper));
+    kn_result_number(kn_result(), "worst_two_threads_us", 1e3 * two_ms);
+    kn_helper_destroy(helper);
+}
+
 // Print the deadline in units of work (core/solve/step_effort.h) and the time of the worst tick. The worst tick is
 // computed on this machine, because the prediction does not know how often an impact repeats a part of the
 // step.
@@ -303,16 +317,17 @@ static void print_deadline(const kn_scene *scene, const kn_model *model)
     if (model->def.solver.kind != KN_SOLVER_IMPLICIT || model->def.probe_count == 0 || !kn_backend_cpu(&b, model))
         return;
     // Compare the worst tick under the deadline with the worst tick without one.
-    const int64_t units = kn_served_object_deadline(&b, model, scene->budget_s);
-    const double by_ms = 1e-6 * (double)kn_served_object_worst(&b, model, units),
-                 free_ms = 1e-6 * (double)kn_served_object_worst(&b, model, 0);
-    b.destroy(b.self);
+    const int64_t units = kn_served_object_deadline(&b, NULL, model, scene->budget_s);
+    const double by_ms = 1e-6 * (double)kn_served_object_worst(&b, NULL, model, units),
+                 free_ms = 1e-6 * (double)kn_served_object_worst(&b, NULL, model, 0);
     printf("deadline  %lld units of work, %.2g ns each here: "
            "the worst tick of a stroke at 5 cm/s takes %.2g ms, and %.2g ms without a deadline\n",
            (long long)units, 1e9 * KN_STEP_SHARE * scene->budget_s / (double)units, by_ms, free_ms);
     kn_result_integer(kn_result(), "deadline_units", units);
     kn_result_number(kn_result(), "worst_us", 1e3 * by_ms);
     kn_result_number(kn_result(), "worst_free_us", 1e3 * free_ms);
+    print_threads(&b, model, free_ms);
+    b.destroy(b.self);
     if (by_ms > 1) warn("the shortest step takes longer than 1 ms here: kneadd takes every force to zero");
 }
 

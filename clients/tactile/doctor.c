@@ -35,7 +35,7 @@ static const char help[] =
     "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time priority,\n"
     "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, the user's\n"
     "groups, and the permissions of devices. Then run a thread that sleeps until each millisecond, as the servo thread of kneadd\n"
-    "does, and measure how late it wakes up.\n\n"
+    "does, and measure how late it wakes up, and what a second thread would bring.\n\n"
     "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
     "  --json        print JSON\n"
     "  --root DIR    search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
@@ -297,7 +297,7 @@ static void measure(findings *f, int seconds)
     if (!w) return;
     w->seconds = seconds;
     kn_rt_enter(&rt, KN_RT_AUTO);
-    if (kn_rt_thread(&rt, &thread, "doctor", KN_RT_SERVO, true, sleep_by_milliseconds, w) == 0) {
+    if (kn_rt_thread(&rt, &thread, "doctor", KN_RT_SERVO, KN_RT_CPU_SERVO, sleep_by_milliseconds, w) == 0) {
         pthread_join(thread, NULL);
         qsort(w->late_ns, (size_t)w->count, sizeof w->late_ns[0], kn_ascending_i64);
         double p50 = 1e-3 * (double)w->late_ns[w->count / 2], p99 = 1e-3 * (double)w->late_ns[w->count * 99 / 100];
@@ -313,6 +313,27 @@ static void measure(findings *f, int seconds)
                     : "get real-time priority first: see the check `priority`");
     }
     free(w);
+}
+
+// Measure what a second thread of a step would bring.
+static void measure_threads(findings *f)
+{
+    kn_model_def def = kn_model_def_default();
+    def.nodes[0] = def.nodes[1] = 16, def.nodes[2] = 10;
+    kn_backend b = {0};
+    char why[64] = "not enough memory";
+    kn_model *model = kn_model_build(&def, why, sizeof why);
+    kn_helper *helper = model && kn_backend_cpu(&b, model) ? kn_helper_create(why, sizeof why) : NULL;
+    if (helper) {
+        const double one_us = 1e-3 * (double)kn_served_object_worst(&b, NULL, model, 0),
+                     two_us = 1e-3 * (double)kn_served_object_worst(&b, helper, model, 0);
+        add(f, "threads", true,
+            "the worst tick of %d nodes takes %.0f us with one thread, %.0f us with solver.threads 2",
+            model->node_count, one_us, two_us);
+    } else add(f, "threads", true, "no second thread for a step: %s", why);
+    kn_helper_destroy(helper);
+    if (b.destroy) b.destroy(b.self);
+    kn_model_destroy(model);
 }
 
 // --- output ---
@@ -363,6 +384,7 @@ int kn_doctor_main(int argc, char **argv)
     look_at_processor(&f);
     look_at_devices(&f, o.root);
     measure(&f, o.seconds);
+    measure_threads(&f);
     if (o.json) code = print_json(&f);
     else print_lines(&f);
     for (int i = 0; i < f.count && code == KN_EXIT_OK; i++)

@@ -200,6 +200,8 @@
   X(BUDGET, ALWAYS, "solver.budget", REAL, 1, "s", 1e-5, 1e-3, "",                                                    \
     scene.budget_s,                                                                                                   \
     "time budget of a tick; if 10 ticks in a row exceed it, the server takes a faster quality point; none: 0.8 ms")   \
+  X(THREADS, ALWAYS, "solver.threads", INTEGER, 1, "", 1, 2, "",                                                      \
+    scene.threads, "threads of a step in kneadd, each on a processor of its own; the bits are the same; none: 1")     \
   X(CHOSEN, ALWAYS, "quality.chosen", CHOICE, 1, "fast|balanced|accurate|own", 0, 0, "",                              \
     chosen, "quality point in use; own: the values under solver; short form: quality: NAME, --quality NAME")          \
   KN_QUALITY_KEYS(X, FAST, "quality.fast.", fast)                                                                     \
