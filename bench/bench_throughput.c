@@ -1,5 +1,4 @@
-// Cost of a time step. The same run measures the limits of the machine, for comparison. bench/README.md explains the
-// tables.
+// Cost of a time step. bench/README.md explains the tables.
 #include "bench/bench.h"
 #include "bench/throughput.h"
 
@@ -60,7 +59,7 @@ static int write_file(const char *path, void (*print)(FILE *))
 // --- the command ----------------------------------------------------------------------------------------------------
 
 static const char usage[] = "usage: bench/throughput [options]\n"
-                            "  --only TABLES  some of ceilings,lattices,nets,features,composite,integers,peer,errors\n"
+                            "  --only TABLES  some of lattices,threads,nets,features,composite,integers,peer,errors\n"
                             "  --all          all tables: by default, errors is left out, because it takes minutes\n"
                             "  --nodes N      leave out lattices and nets of more than N nodes (default: 20000)\n"
                             "  --quick        fewer rounds, and no lattice or net of more than 2560 nodes\n"
@@ -72,7 +71,7 @@ typedef struct options {
     const char *only, *csv, *json;
 } options;
 
-static const char *const table_name[] = {"ceilings",  "lattices", "nets", "features",
+static const char *const table_name[] = {"lattices",  "threads",  "nets", "features",
                                          "composite", "integers", "peer", "errors"};
 enum { TABLES = sizeof table_name / sizeof *table_name };
 
@@ -97,7 +96,7 @@ static int check_only(const char *only)
     for (const char *p = only; *p; p++) asked += *p == ',';
     return known == asked
                ? 0
-               : bad("--only", only, "some of ceilings,lattices,nets,features,composite,integers,peer,errors");
+               : bad("--only", only, "some of lattices,threads,nets,features,composite,integers,peer,errors");
 }
 
 // Parse the options. Return 0, -1 after --help, or the exit code after a mistake.
@@ -108,7 +107,7 @@ static int parse(int argc, char **argv, options *o)
                                           {"json", required_argument, 0, 'j'}, {"help", no_argument, 0, 'h'},
                                           {"all", no_argument, 0, 'a'},        {0, 0, 0, 0}};
     char *end;
-    *o = (options){.only = "ceilings,lattices,nets,features,composite,integers,peer", .tables.nodes_max = 20000};
+    *o = (options){.only = "lattices,threads,nets,features,composite,integers,peer", .tables.nodes_max = 20000};
     for (int c; (c = getopt_long(argc, argv, "", longs, NULL)) != -1;) switch (c) {
         case 'o': o->only = optarg; break;
         case 'n': {
@@ -117,7 +116,7 @@ static int parse(int argc, char **argv, options *o)
             o->tables.nodes_max = (int)n;
             break;
         }
-        case 'a': o->only = "ceilings,lattices,nets,features,composite,integers,peer,errors"; break;
+        case 'a': o->only = "lattices,threads,nets,features,composite,integers,peer,errors"; break;
         case 'q': o->tables.quick = true; break;
         case 'c': o->csv = optarg; break;
         case 'j': o->json = optarg; break;
@@ -140,9 +139,8 @@ int main(int argc, char **argv)
     print_machine();
     puts("block     5 x 5 x 3 cm of dough, 1 cm x 5 cm plate, 1 cm/s to 1 cm, held 0.5 s, withdrawn; 1 ms steps\n"
          "time      processor time of the thread: for each tick, the smallest time in several rounds\n```\n");
-    ceilings c = ceilings_measure();
-    if (wanted(o.only, "ceilings")) table_ceilings(&c);
-    if (wanted(o.only, "lattices")) table_lattices(&c, &o.tables);
+    if (wanted(o.only, "lattices")) table_lattices(&o.tables);
+    if (wanted(o.only, "threads")) table_threads(&o.tables);
     if (wanted(o.only, "nets")) table_nets(&o.tables);
     if (wanted(o.only, "features")) table_features(&o.tables);
     if (wanted(o.only, "composite")) table_composite(&o.tables);

@@ -55,21 +55,3 @@ void take_apart(const kn_model_def *def, int count, kn_state *const start[2], in
     turns_free(r, 2 * count);
     for (int i = 0; i < 2 * count; i++) turns_destroy(&r[i]);
 }
-
-void table_ceilings(const ceilings *c)
-{
-    puts("| ceiling of one core              | 256 bits | 512 bits |\n"
-         "|----------------------------------|---------:|---------:|");
-    for (int f64 = 0; f64 < 2; f64++) {
-        printf("| fused multiply-add f%d, Gflop/s  |%9.1f |%9.1f |\n", f64 ? 64 : 32, c->gflop_s[CEILING_256][f64],
-               c->gflop_s[CEILING_512][f64]);
-        note("ceilings", f64 ? "fma f64" : "fma f32", "256", "gflop_s", c->gflop_s[CEILING_256][f64]);
-        note("ceilings", f64 ? "fma f64" : "fma f32", "512", "gflop_s", c->gflop_s[CEILING_512][f64]);
-    }
-    for (int l = 0; l < CEILING_LEVELS; l++) {
-        printf("| read %-6s (%7.0f KiB), GB/s |%9.1f |%9.1f |\n", ceiling_level[l], (double)c->level[l].bytes / 1024,
-               c->level[l].gb_s[CEILING_256], c->level[l].gb_s[CEILING_512]);
-        note("ceilings", ceiling_level[l], "256", "gb_s", c->level[l].gb_s[CEILING_256]);
-        note("ceilings", ceiling_level[l], "512", "gb_s", c->level[l].gb_s[CEILING_512]);
-    }
-}

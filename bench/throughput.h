@@ -6,57 +6,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-// ---- ceilings.c
-//
-// Measured limits of one core of this machine: fused multiply-adds in registers, and reading from caches and memory.
-//
-// Twelve independent chains of multiply-adds keep both arithmetic pipes of any x86 busy (2 pipes x 4 cycles). The test
-// of reading adds up eight streams of data. Each rate is the best of 8 rounds, in processor time of the thread.
-
-enum { CEILING_256, CEILING_512, CEILING_WIDTHS }; // vectors of 256 and of 512 bits
-enum { CEILING_L1, CEILING_L2, CEILING_L3, CEILING_MEMORY, CEILING_LEVELS };
-
-typedef struct ceilings {
-    // [width][0: f32, 1: f64] rate of multiply-adds, each counted as two operations; 0: the processor lacks vectors of
-    // this width.
-    double gflop_s[CEILING_WIDTHS][2];
-    struct {
-        size_t bytes; // size of the array that was read again and again to measure gb_s
-        double gb_s[CEILING_WIDTHS];
-    } level[CEILING_LEVELS];
-    size_t l1_bytes, l2_bytes, l3_bytes; // sizes of the caches, as the processor reports them
-} ceilings;
-
-extern const char *const ceiling_level[CEILING_LEVELS]; // "L1", ...
-
-ceilings ceilings_measure(void);
-
-// Return the smallest level of cache, or the memory, that holds `bytes` bytes.
-int ceiling_of(const ceilings *c, size_t bytes);
-
-// ---- counted.c
-//
-// Work done by the loops of a block's time step, counted while the loops run. counted.c compiles
-// core/solve/kernel_grid.c with a counter in every operation on 16 lanes, so the counts always agree with the code.
-//
-// An operation is one vector instruction of the arithmetic pipes, counted once per lane. Add, subtract, multiply,
-// divide, root, minimum and fused multiply-add count as one operation each; compare and select count as two. Flops are
-// counted as in textbooks: a fused multiply-add counts as two, minimum and select as none. Moves, rotations, table
-// look-ups and scalar sums are not counted. Each 64-byte line of the state that a loop touches counts as
-// 64 bytes, however often the loop touches it. These bytes must come from the cache or memory in which the state lies.
-
-typedef struct counted { // counts of operations, flops and bytes in one loop over the whole lattice, including padding
-    double operations, flops, bytes;
-} counted;
-
-// Run one step from `state` under `input` with the counting loops. Write the work of the edge pass to `edge`, and the
-// work of the last iteration (product and update) to `iteration`. The model must be a block with KN_ISA_BASE. During
-// the step, the counting loops replace the model's own.
-void counted_step_f32(kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, counted *edge,
-                      counted *iteration);
-void counted_step_f64(kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input, counted *edge,
-                      counted *iteration);
-
 // ---- turns.c
 //
 // Comparison of the times of steps on a machine that also runs other programs.
@@ -92,7 +41,8 @@ void turns_free(runner *runners, int count);
 // or number of iterations, but lattice, law and precision must be those of `def`.
 runner turns_knead(const kn_model_def *def, hand_fn *hand, const kn_state *start, int from);
 const kn_model *turns_model(const runner *r);
-void turns_destroy(runner *r); // frees a runner made by turns_knead
+void turns_team(runner *r, kn_team *team); // let a team do the steps of a runner made by turns_knead
+void turns_destroy(runner *r);             // frees a runner made by turns_knead
 
 // Return the state after the first `ticks` ticks of the hand's motion. turns_knead can start from this state.
 kn_state *turns_warm(const kn_model_def *def, hand_fn *hand, int ticks);
@@ -107,8 +57,8 @@ typedef struct throughput_options {
     int nodes_max; // largest number of nodes; lattices and nets with more nodes are left out
 } throughput_options;
 
-void table_ceilings(const ceilings *c);
-void table_lattices(const ceilings *c, const throughput_options *o);
+void table_lattices(const throughput_options *o);
+void table_threads(const throughput_options *o);
 void table_nets(const throughput_options *o);
 void table_features(const throughput_options *o);
 void table_composite(const throughput_options *o);

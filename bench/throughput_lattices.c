@@ -20,9 +20,7 @@ typedef struct measured { // results of one lattice with one kernel
     char object[16];
     kn_model_def def;
     int nodes, edges, lanes; // lanes: nodes and the padding of the vectors
-    size_t state_bytes;      // memory of state and scratch
     taken_apart took;
-    counted edge, iteration;
     summary pressed; // times of the steps of the whole press, with the default settings
     double target_us;
 } measured;
@@ -39,25 +37,7 @@ static void describe(measured *m, const lattice *l, const kn_model_def *def)
     *m = (measured){.def = *def, .nodes = model->node_count, .edges = kn_grid_edges(&model->grid, NULL)};
     snprintf(m->object, sizeof m->object, "%d", m->nodes);
     m->lanes = model->grid.rows * model->grid.vectors * KN_LANES;
-    m->state_bytes = kn_state_size(model) + kn_scratch_size(model);
     m->target_us = target_of(l, def);
-    kn_model_destroy(model);
-}
-
-static void count_work(measured *m, const kn_state *start)
-{
-    kn_model_def def = turns_fixed(m->def, 2);
-    def.solver.isa = KN_ISA_BASE;
-    kn_model *model = build(&def);
-    kn_state *state = kn_state_create(model);
-    kn_scratch *scratch = kn_scratch_create(model);
-    if (!state || !scratch) abort();
-    kn_state_copy(model, state, start);
-    kn_input in = press_hand(model, (PRESS_MIDDLE + 1) * def.solver.dt_s);
-    if (def.solver.precision == KN_PRECISION_F32) counted_step_f32(model, state, scratch, &in, &m->edge, &m->iteration);
-    else counted_step_f64(model, state, scratch, &in, &m->edge, &m->iteration);
-    kn_state_destroy(state);
-    kn_scratch_destroy(scratch);
     kn_model_destroy(model);
 }
 
@@ -89,53 +69,22 @@ static int measure(const lattice *l, bool quick, measured *m)
     for (int i = 0; i < count; i++) {
         describe(&m[i], l, &each[i]);
         m[i].took = took[i];
-        count_work(&m[i], start[each[i].solver.precision]);
     }
     for (int p = 0; p < 2; p++) kn_state_destroy(start[p]);
     run_press(m, count, PRESS_TICKS, large || quick ? 2 : 3);
     return count;
 }
 
-static int width_of(const measured *m) { return m->def.solver.isa == KN_ISA_AVX512 ? CEILING_512 : CEILING_256; }
-
-// Return the counted operations of `work`, in per cent of the operations that the arithmetic pipes can do in the time
-// `us`.
-static double pipe_share(const ceilings *c, const measured *m, const counted *work, double us)
-{
-    return 100 * work->operations / us * 1e-3 / (c->gflop_s[width_of(m)][m->def.solver.precision] / 2);
-}
-
-static void print_apart(const ceilings *c, const measured *m)
+static void print_apart(const measured *m)
 {
     const double edge_us = m->took.edge_us, us = m->took.iteration_us;
-    const int level = ceiling_of(c, m->state_bytes);
-    const double gb_s = m->iteration.bytes / us * 1e-3, most = c->level[level].gb_s[width_of(m)];
-    printf("| %5d | %-10s |%6.1f |%6.1f |%6.1f |%4.0f |", m->nodes, kernel_name(&m->def), edge_us,
-           edge_us * 1e3 / m->nodes, edge_us * 1e3 / m->lanes, pipe_share(c, m, &m->edge, edge_us));
-    printf("%6.2f |%5.2f |%5.2f |%6.3f |%4.0f |%5.0f |%5.1f | %-6s %3.0f |\n", us, us * 1e3 / m->nodes,
-           us * 1e3 / m->lanes, us * 1e3 / m->edges, pipe_share(c, m, &m->iteration, us),
-           m->iteration.flops / us * 1e-3, gb_s, ceiling_level[level], 100 * gb_s / most);
     const char *kernel = kernel_name(&m->def);
+    printf("| %5d | %-10s |%6.1f |%6.1f |%6.1f |%6.2f |%5.2f |%5.2f |%6.3f |\n", m->nodes, kernel, edge_us,
+           edge_us * 1e3 / m->nodes, edge_us * 1e3 / m->lanes, us, us * 1e3 / m->nodes, us * 1e3 / m->lanes,
+           us * 1e3 / m->edges);
     note("lattices", m->object, kernel, "edge_us", edge_us);
-    note("lattices", m->object, kernel, "edge_pipe_percent", pipe_share(c, m, &m->edge, edge_us));
     note("lattices", m->object, kernel, "iteration_us", us);
     note("lattices", m->object, kernel, "iteration_ns_per_edge", us * 1e3 / m->edges);
-    note("lattices", m->object, kernel, "iteration_pipe_percent", pipe_share(c, m, &m->iteration, us));
-    note("lattices", m->object, kernel, "iteration_gflop_s", m->iteration.flops / us * 1e-3);
-    note("lattices", m->object, kernel, "iteration_gb_s", gb_s);
-    note("lattices", m->object, kernel, "iteration_bandwidth_percent", 100 * gb_s / most);
-}
-
-// Print the counted work of the largest lattice. Smaller lattices give other numbers, because a larger share of their
-// nodes lies at the surface, where nodes have fewer edges.
-static void print_work(const measured *m, int count)
-{
-    printf("\nOperations, flops and bytes per lane, with %d nodes:", m->nodes);
-    for (int i = 0; i < count && i < 2; i++) // one part of the line for f32, one for f64
-        printf(" %s edge pass %.0f, %.0f, %.0f, iteration %.0f, %.0f, %.0f%s",
-               m[i].def.solver.precision ? "f64" : "f32", m[i].edge.operations / m[i].lanes,
-               m[i].edge.flops / m[i].lanes, m[i].edge.bytes / m[i].lanes, m[i].iteration.operations / m[i].lanes,
-               m[i].iteration.flops / m[i].lanes, m[i].iteration.bytes / m[i].lanes, i ? ".\n" : ";");
 }
 
 static void print_pressed(const measured *m)
@@ -187,7 +136,7 @@ static void print_ratios(const measured *m, int count)
     puts("");
 }
 
-void table_lattices(const ceilings *c, const throughput_options *o)
+void table_lattices(const throughput_options *o)
 {
     measured m[LATTICES][KERNELS];
     int count[LATTICES], lattice_count = 0;
@@ -202,17 +151,12 @@ void table_lattices(const ceilings *c, const throughput_options *o)
         puts("\nNo lattice was measured: this processor has no AVX2, or --nodes excludes every lattice.");
         return;
     }
-    puts(
-        "\nParts of a step: the edge pass with all other work done once per step, and one iteration. Times in ns per\n"
-        "node, per lane (with padding) and per edge. pipe%: rate of arithmetic operations, in % of the ceiling. GB/s:\n"
-        "rate at which the loops touch the state; each loop counts a byte once.\n");
-    puts("| nodes | kernel     |edge us|ns/node|ns/lane|pipe%|"
-         "iter us|/node |/lane | /edge |pipe%|Gfl/s | GB/s | of       % |");
-    puts("|------:|------------|------:|------:|------:|----:|"
-         "------:|-----:|-----:|------:|----:|-----:|-----:|-----------:|");
+    puts("\nParts of a step: the edge pass with all other work done once per step, and one iteration. Times in ns per\n"
+         "node, per lane (with padding) and per edge.\n");
+    puts("| nodes | kernel     |edge us|ns/node|ns/lane|iter us|/node |/lane | /edge |");
+    puts("|------:|------------|------:|------:|------:|------:|-----:|-----:|------:|");
     for (int l = 0; l < lattice_count; l++)
-        for (int i = 0; i < count[l]; i++) print_apart(c, &m[l][i]);
-    print_work(m[lattice_count - 1], count[lattice_count - 1]);
+        for (int i = 0; i < count[l]; i++) print_apart(&m[l][i]);
     puts("\nThe whole press with the default settings, us per step:\n");
     puts("| nodes | kernel     | its   | med |   median |     mean |      p90 | ns/node | target     |");
     puts("|------:|------------|------:|----:|---------:|---------:|---------:|--------:|-----------:|");

@@ -111,6 +111,12 @@ runner turns_knead(const kn_model_def *def, hand_fn *hand, const kn_state *start
 
 const kn_model *turns_model(const runner *r) { return ((const subject *)r->self)->model; }
 
+void turns_team(runner *r, kn_team *team)
+{
+    subject *s = r->self;
+    kn_scratch_team(s->model, s->scratch, team);
+}
+
 void turns_destroy(runner *r)
 {
     subject *s = r->self;

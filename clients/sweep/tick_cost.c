@@ -38,25 +38,6 @@ static const double law_share[] = {
     [KN_LAW_VOIGT] = 0.85, [KN_LAW_LINEAR] = 0.8, [KN_LAW_TABLE] = 1, [KN_LAW_EXACT] = 1};
 static const double gas_ns[] = {0, 6, 4}, gas_iteration_ns[] = {0, 1.8, 0.5};
 
-// Number of floating-point operations (FLOPS) and of real numbers moved (REALS), per edge, per node and per element of
-// gas. They were counted in core/solve/kernel*.[ch].
-enum {
-    EDGE_FLOPS = 95,
-    LAW_FLOPS = 27,
-    NODE_FLOPS = 60,
-    EDGE_REALS = 2,
-    NODE_REALS = 27,
-    EDGE_ITERATION_FLOPS = 17,
-    DIRECTION_FLOPS = 7,
-    NODE_ITERATION_FLOPS = 50,
-    NODE_ITERATION_REALS = 42,
-    GAS_FLOPS = 420,
-    GAS_ITERATION_FLOPS = 100,
-    GAS_REALS = 24,
-    COARSE_FLOPS = 30,
-    COARSE_REALS = 9
-};
-
 bool kn_tick_cost_newton(const kn_model *model)
 {
     bool f64 = model->def.solver.precision == KN_PRECISION_F64;
@@ -77,45 +58,33 @@ static kn_tick_cost_part edges(const kn_model *m)
 {
     static const char *const law[] = {"no damper", "constant damper", "damper by table", "damper exactly"};
     kn_tick_cost_part p = {.name = ""};
-    bool f64 = m->def.solver.precision == KN_PRECISION_F64, table = m->law.kind >= KN_LAW_TABLE;
-    double size = f64 ? 8 : 4, nodes = (double)kn_model_field(m, 1), edges = (double)m->edge_reals;
+    const bool f64 = m->def.solver.precision == KN_PRECISION_F64;
+    const double nodes = (double)kn_model_field(m, 1);
     snprintf(p.name, sizeof p.name, "edges, %s%s", law[m->law.kind], m->law.stroke ? " with stops" : "");
-    // Work once per linearisation: the law of every edge and the right-hand side of every node.
-    p.once.flops = edges * (EDGE_FLOPS + (table ? LAW_FLOPS : 0)) + nodes * NODE_FLOPS;
-    const double kept = (double)m->product_reals;
-    p.once.bytes = size * (kept + edges * (m->law.kind == KN_LAW_VOIGT ? 0 : EDGE_REALS) + nodes * NODE_REALS);
-    // Work per CG iteration: the product with the matrix and the vectors. If only one real number is stored per edge,
-    // each iteration computes the direction of the edge again.
-    p.iteration.flops = edges * EDGE_ITERATION_FLOPS + nodes * NODE_ITERATION_FLOPS;
-    if (kn_work_lean(m)) p.iteration.flops += edges * DIRECTION_FLOPS;
-    p.iteration.bytes = size * (kept + nodes * NODE_ITERATION_REALS);
     const bool mesh = m->def.mesh != NULL;
-    p.once.us = 1e-3 * nodes * (mesh ? mesh_once_ns : once_ns)[isa_of(m)][f64] * law_share[m->law.kind];
-    p.iteration.us = 1e-3 * nodes * (mesh ? mesh_iteration_ns : iteration_ns)[isa_of(m)][f64];
-    if (kn_tick_cost_newton(m)) p.once.us += 1e-3 * nodes * NEWTON_NS;
+    p.once_us = 1e-3 * nodes * (mesh ? mesh_once_ns : once_ns)[isa_of(m)][f64] * law_share[m->law.kind];
+    p.iteration_us = 1e-3 * nodes * (mesh ? mesh_iteration_ns : iteration_ns)[isa_of(m)][f64];
+    if (kn_tick_cost_newton(m)) p.once_us += 1e-3 * nodes * NEWTON_NS;
     // Add the time of nodes that are interpolated from other nodes, because every matrix product interpolates them.
-    p.once.us += 1e-3 * TIE_NS * kn_composite_tied(m);
-    p.iteration.us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
+    p.once_us += 1e-3 * TIE_NS * kn_composite_tied(m);
+    p.iteration_us += 1e-3 * TIE_ITERATION_NS * kn_composite_tied(m);
     return p;
 }
 
 // Return the computing cost of the gas, which is either in each cell or in the whole object.
 static kn_tick_cost_part gas(const kn_model *m)
 {
-    bool f64 = m->def.solver.precision == KN_PRECISION_F64, cells = m->def.pressure == KN_PRESSURE_CELLS;
+    const bool cells = m->def.pressure == KN_PRESSURE_CELLS;
     // gas_ns was measured with avx512 in f32. For other instruction sets and precisions, scale gas_ns by the ratio of
     // the edge times once_ns.
     double slower = slower_of(m), nodes = (double)kn_model_field(m, 1);
     double count = m->def.mesh ? m->def.mesh->element_count : nodes;
-    kn_tick_cost_part p = {.once = {.flops = count * GAS_FLOPS, .bytes = count * GAS_REALS * (f64 ? 8 : 4)}};
+    kn_tick_cost_part p = {.once_us = 1e-3 * count * gas_ns[m->def.pressure] * slower,
+                           .iteration_us = 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
     snprintf(p.name, sizeof p.name, "gas in %s", cells ? "the cells" : "the object");
-    p.iteration = (kn_tick_cost){.bytes = p.once.bytes,
-                                 .flops = count * GAS_ITERATION_FLOPS,
-                                 .us = 1e-3 * count * gas_iteration_ns[m->def.pressure] * slower};
-    p.once.us = 1e-3 * count * gas_ns[m->def.pressure] * slower;
     if (m->def.mesh) {
-        p.once.us = 1e-3 * count * element_ns * slower;
-        p.iteration.us = 1e-3 * count * element_iteration_ns * slower;
+        p.once_us = 1e-3 * count * element_ns * slower;
+        p.iteration_us = 1e-3 * count * element_iteration_ns * slower;
     }
     return p;
 }
@@ -123,13 +92,11 @@ static kn_tick_cost_part gas(const kn_model *m)
 // Return the computing cost of the coarse level of the preconditioner.
 static kn_tick_cost_part coarse(const kn_model *m)
 {
-    const double size = m->def.solver.precision == KN_PRECISION_F64 ? 8 : 4, nodes = (double)kn_model_field(m, 1);
+    const double nodes = (double)kn_model_field(m, 1);
     const double elements = (double)m->coarse->unknowns * m->coarse->padded;
     kn_tick_cost_part p = {.name = ""};
     snprintf(p.name, sizeof p.name, "coarse level, %d nodes", m->coarse->unknowns / 3);
-    p.iteration = (kn_tick_cost){.bytes = size * (elements + COARSE_REALS * nodes),
-                                 .flops = 2 * elements + COARSE_FLOPS * nodes,
-                                 .us = 1e-3 * (coarse_ns * nodes + coarse_element_ns * elements) * slower_of(m)};
+    p.iteration_us = 1e-3 * (coarse_ns * nodes + coarse_element_ns * elements) * slower_of(m);
     return p;
 }
 
@@ -160,7 +127,7 @@ static kn_tick_cost_part contact(const kn_model *m, int index)
     double h = m->def.spacing_m;
     if (probe->shape == KN_PROBE_PLATE) {
         snprintf(p.name, sizeof p.name, "plate %s", probe->name);
-        p.once = (kn_tick_cost){24.0 * m->top_count, 12.0 * m->top_count, 0.02 * m->top_count};
+        p.once_us = 0.02 * m->top_count;
         return p;
     }
     // Number of contact samples per node spacing and direction.
@@ -170,8 +137,8 @@ static kn_tick_cost_part contact(const kn_model *m, int index)
     kn_model_def_extent(&m->def, extent_m);
     double samples = fmin(touched_m2(probe), extent_m[0] * extent_m[1]) / (h * h) * per * per;
     snprintf(p.name, sizeof p.name, "%s %s, about %.0f samples", shape[probe->shape], probe->name, samples);
-    p.once = (kn_tick_cost){samples * sizeof(kn_sample), samples * 250 * more, samples * 0.12 * more};
-    p.iteration = (kn_tick_cost){samples * sizeof(kn_sample), samples * 108 * more, samples * 0.008 * more};
+    p.once_us = samples * 0.12 * more;
+    p.iteration_us = samples * 0.008 * more;
     return p;
 }
 
@@ -192,7 +159,7 @@ static double line_us(const kn_model *model, double iterations)
     double us = 0, dearest = 0;
     // The times of all parts are added, but among the contacts only the most expensive contact counts.
     for (int i = kn_tick_cost_parts(model, part) - 1; i >= 0; i--) {
-        double own = part[i].once.us + iterations * part[i].iteration.us;
+        double own = part[i].once_us + iterations * part[i].iteration_us;
         if (part[i].contact) dearest = fmax(dearest, own); // because probes seldom press at the same time
         else us += own;
     }

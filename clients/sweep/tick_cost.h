@@ -4,16 +4,11 @@
 // tool). The prediction uses sizes and measured rates; nothing is run.
 #include "core/model.h"
 
-typedef struct kn_tick_cost {
-    // bytes: data moved through the caches; flops: additions and multiplications; us: time on one core, us.
-    double bytes, flops, us;
-} kn_tick_cost;
-
 typedef struct kn_tick_cost_part {
     char name[64];
     bool contact;
-    // once: cost per linearisation of a step; iteration: cost per iteration of conjugate gradients (CG).
-    kn_tick_cost once, iteration;
+    // Time on one core, us: per linearisation of a step, and per iteration of conjugate gradients (CG).
+    double once_us, iteration_us;
 } kn_tick_cost_part;
 
 #define KN_TICK_COST_PARTS (3 + KN_PROBES_MAX)
