@@ -1,13 +1,12 @@
-// Table of steps with one thread and with two, and of what kneadd's deadline cuts off. Here, the second thread spins
-// all the time, so nothing shows of the time in which it wakes.
+// Table of steps with one thread and with two, and of what a deadline cuts off. Here the second thread spins all the
+// time, so nothing shows of the time in which it wakes.
 #include "bench/throughput.h"
 #include "server/team.h"
 #include "tests/physics/press.h"
 
-static kn_team *team;
-static int64_t deadline; // units of work
+static int64_t deadline; // units of work, 0: none
 
-static kn_input hand_in_time(const kn_model *model, double t_s)
+static kn_input hand(const kn_model *model, double t_s)
 {
     kn_input in = press_hand(model, t_s);
     in.deadline = deadline;
@@ -20,119 +19,95 @@ static int ascending(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-static double percentile(const runner *r, int percent)
-{
-    static double us[PRESS_TICKS];
-    memcpy(us, r->us, sizeof us);
-    qsort(us, PRESS_TICKS, sizeof *us, ascending);
-    return us[PRESS_TICKS * percent / 100];
-}
+typedef struct pressed { // the whole press
+    double force_n[PRESS_TICKS][3];
+    int capped;
+    double units_per_us; // while the plate goes down, if the times of the ticks are given
+} pressed;
 
-// Store the force of the whole press, and return how many ticks were capped. With `exact`, the linear systems of the
-// step are solved in f64 to a millionth.
-static int press_force(kn_model_def def, hand_fn *hand, bool exact, double force_n[PRESS_TICKS])
+static void press_all(const kn_model_def *def, kn_team *team, const double *us, pressed *p)
 {
-    if (exact) def.solver.precision = KN_PRECISION_F64, def.solver.tolerance = 1e-6, def.solver.iterations_max = 1000;
-    kn_model *m = build(&def);
+    kn_model *m = build(def);
     kn_state *state = kn_state_create(m);
     kn_scratch *scratch = kn_scratch_create(m);
-    int capped = 0;
+    double units = 0, sum_us = 0;
     if (!state || !scratch) abort();
     kn_scratch_team(m, scratch, team);
+    p->capped = 0;
     for (int i = 0; i < PRESS_TICKS; i++) {
-        const kn_input in = hand(m, (i + 1) * def.solver.dt_s);
+        const kn_input in = hand(m, (i + 1) * def->solver.dt_s);
         kn_output out;
         if (kn_step(m, state, scratch, &in, &out) != KN_OK) abort();
-        force_n[i] = out.probe[0].force_n[2];
-        capped += out.capped;
+        memcpy(p->force_n[i], out.probe[0].force_n, sizeof p->force_n[i]);
+        p->capped += out.capped;
+        if (us && i < PRESS_MIDDLE) units += (double)out.units, sum_us += us[i];
     }
+    p->units_per_us = us ? units / sum_us : 0;
     kn_state_destroy(state);
     kn_scratch_destroy(scratch);
     kn_model_destroy(m);
-    return capped;
 }
 
-// Return the largest difference of two forces, in per cent of the largest force.
-static double worst(const double a[PRESS_TICKS], const double exact[PRESS_TICKS])
+// Print a row: steps with these threads and, if not 0, a deadline of this many us. Return the units of work per us.
+static double row(const kn_model_def *def, kn_team *team, double most_us, double units_per_us, const pressed *exact,
+                  const throughput_options *o)
 {
-    double most = 0, peak = 0;
-    for (int i = 0; i < PRESS_TICKS; i++) most = fmax(most, fabs(a[i] - exact[i])), peak = fmax(peak, fabs(exact[i]));
-    return 100 * most / peak;
-}
-
-// Set the deadline to what two threads do in the share of the time budget that kneadd gives a step (server/servo.h).
-static void price(const runner *two)
-{
-    double us = 0;
-    int64_t units = 0;
-    kn_state *state = kn_state_create(turns_model(two));
-    kn_scratch *scratch = kn_scratch_create(turns_model(two));
-    kn_output out;
-    for (int i = 0; i < PRESS_MIDDLE; i++) {
-        const kn_input in = press_hand(turns_model(two), (i + 1) * 1e-3);
-        kn_step(turns_model(two), state, scratch, &in, &out);
-        us += two->us[i], units += out.units;
-    }
-    deadline = (int64_t)(560 * (double)units / us);
-    kn_state_destroy(state);
-    kn_scratch_destroy(scratch);
-}
-
-static void row(kn_model_def def, const throughput_options *o)
-{
-    static double exact[PRESS_TICKS], own[PRESS_TICKS], in_time[PRESS_TICKS];
-    char object[32];
-    snprintf(object, sizeof object, "%d%s", def.nodes[0] * def.nodes[1] * def.nodes[2],
-             def.pressure == KN_PRESSURE_NONE ? "" : " gas");
-    runner r[3] = {turns_knead(&def, press_hand, NULL, 0), turns_knead(&def, press_hand, NULL, 0)};
-    turns_team(&r[1], team);
-    turns_run(r, 2, PRESS_TICKS, o->quick ? 1 : 3);
-    price(&r[1]);
-    r[2] = turns_knead(&def, hand_in_time, NULL, 0);
-    turns_team(&r[2], team);
-    turns_run(r + 2, 1, PRESS_TICKS, o->quick ? 1 : 3);
-    const int capped = press_force(def, press_hand, false, own), cut = press_force(def, hand_in_time, false, in_time);
-    press_force(def, press_hand, true, exact);
-    printf("| %-9s |", object);
-    for (int i = 0; i < 3; i++)
-        printf(" %6.0f %6.0f %6.0f |", percentile(&r[i], 50), percentile(&r[i], 90), percentile(&r[i], 99));
-    printf(" %5.2f | %3d %6.3f | %3d %6.3f |\n", percentile(&r[0], 50) / percentile(&r[1], 50), capped,
-           worst(own, exact), cut, worst(in_time, exact));
-    for (int i = 0; i < 3; i++) {
-        static const char *const kernel[3] = {"one", "two", "two in time"};
-        note("threads", object, kernel[i], "median_us", percentile(&r[i], 50));
-        note("threads", object, kernel[i], "p90_us", percentile(&r[i], 90));
-        note("threads", object, kernel[i], "p99_us", percentile(&r[i], 99));
-    }
-    turns_free(r, 3);
-    for (int i = 0; i < 3; i++) turns_destroy(&r[i]);
+    static pressed p;
+    char object[48], kernel[16];
+    deadline = (int64_t)(most_us * units_per_us);
+    runner r = turns_knead(def, hand, NULL, 0);
+    turns_team(&r, team);
+    turns_run(&r, 1, PRESS_TICKS, o->quick ? 1 : 3);
+    press_all(def, team, r.us, &p);
+    qsort(r.us, PRESS_TICKS, sizeof *r.us, ascending);
+    const double force = 100 * relative_error((const double(*)[3])p.force_n, exact->force_n, PRESS_TICKS);
+    snprintf(object, sizeof object, "%d%s", def->nodes[0] * def->nodes[1] * def->nodes[2],
+             def->pressure == KN_PRESSURE_NONE ? "" : " gas");
+    snprintf(kernel, sizeof kernel, "%d, %.2f ms", team ? 2 : 1, 1e-3 * most_us);
+    printf("| %-9s | %7d | %8.2f | %6.0f | %6.0f | %6.0f | %6d | %8.3f |\n", object, team ? 2 : 1, 1e-3 * most_us,
+           r.us[PRESS_TICKS / 2], r.us[PRESS_TICKS * 9 / 10], r.us[PRESS_TICKS * 99 / 100], p.capped, force);
+    note("threads", object, kernel, "median_us", r.us[PRESS_TICKS / 2]);
+    note("threads", object, kernel, "p90_us", r.us[PRESS_TICKS * 9 / 10]);
+    note("threads", object, kernel, "p99_us", r.us[PRESS_TICKS * 99 / 100]);
+    note("threads", object, kernel, "capped", p.capped);
+    note("threads", object, kernel, "force_percent", force);
+    turns_free(&r, 1);
+    turns_destroy(&r);
+    return p.units_per_us;
 }
 
 void table_threads(const throughput_options *o)
 {
     static const int cells[4][3] = {{10, 10, 6}, {15, 15, 9}, {20, 20, 12}, {28, 28, 19}};
-    char why[64];
+    static pressed exact;
+    char why[64] = "";
     kn_helper *helper = kn_helper_create(why, sizeof why);
-    team = kn_helper_wake(helper);
-    if (!helper) printf("\nNo second thread: %s.\n", why);
-    else
-        puts("\nTwo threads: us per step, at the median, the 90th and the 99th percentile of the whole press. In time: "
-             "with\n"
-             "a deadline of 0.56 ms, as kneadd sets it. Capped ticks, and the largest error of the force in % of its "
-             "peak\n"
-             "beside f64 solved to a millionth, without and with the deadline.\n\n"
-             "| nodes     | one    p90    p99    | two    p90    p99    | two in time, p90, p99 | ratio | capped, % |"
-             " in time, % |\n"
-             "|----------:|---------------------:|---------------------:|---------------------:|------:|----------:|"
-             "-----------:|");
-    for (int i = 0; helper && i < 8; i++) {
-        kn_model_def def = press_def(2);
+    kn_team *team = kn_helper_wake(helper);
+    kn_rt_move(KN_RT_CPU_SERVO);
+    printf("\nOne thread and two%s%s: us per step over the whole press. deadline: of a step, in units of work that "
+           "take this\n"
+           "many ms with these threads; kneadd gives a step 0.56 ms. capped: ticks that ended before the tolerance. "
+           "force:\n"
+           "error beside linear systems solved in f64 to a millionth, relative L2.\n\n",
+           helper ? "" : ", but no second thread: ", why);
+    puts("| nodes     | threads | deadline | median |    p90 |    p99 | capped |  force % |\n"
+         "|----------:|--------:|---------:|-------:|-------:|-------:|-------:|---------:|");
+    for (int i = 0; i < 8; i++) {
+        kn_model_def def = press_def(2), solved;
         for (int k = 0; k < 3; k++) def.nodes[k] = cells[i / 2][k] + 1;
         def.spacing_m = 0.05 / cells[i / 2][0];
         if (def.nodes[0] * def.nodes[1] * def.nodes[2] > o->nodes_max) break;
         if (i % 2) def.pressure = KN_PRESSURE_CELLS;
-        row(def, o);
+        solved = def;
+        solved.solver.precision = KN_PRECISION_F64, solved.solver.tolerance = 1e-6, solved.solver.iterations_max = 1000;
+        deadline = 0;
+        press_all(&solved, team, NULL, &exact);
+        double rate = row(&def, NULL, 0, 0, &exact, o);
+        if (helper) rate = row(&def, team, 0, 0, &exact, o);
+        row(&def, team, 560, rate, &exact, o);
+        row(&def, team, 900, rate, &exact, o);
     }
+    kn_rt_move(KN_RT_CPU_ANY);
     kn_helper_rest(helper);
     kn_helper_destroy(helper);
 }

@@ -89,17 +89,26 @@ static void *thread_main(void *memory)
     return start.run(start.arg);
 }
 
-// Pin a thread to one processor.
-static void pin(pthread_attr_t *attr, kn_rt_cpu where)
+// Return the set of the one processor `where`, of those that the calling thread may use.
+static cpu_set_t one_of(kn_rt_cpu where, cpu_set_t *may)
 {
-    cpu_set_t may, one;
-    if (sched_getaffinity(0, sizeof may, &may) != 0) return;
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    if (sched_getaffinity(0, sizeof *may, may) != 0) return one;
     size_t cpu = CPU_SETSIZE - 1;
     for (int left = (int)where; cpu > 0; cpu--)
-        if (CPU_ISSET(cpu, &may) && --left == 0) break;
-    CPU_ZERO(&one);
+        if (CPU_ISSET(cpu, may) && --left == 0) break;
     CPU_SET(cpu, &one);
-    pthread_attr_setaffinity_np(attr, sizeof one, &one);
+    return one;
+}
+
+void kn_rt_move(kn_rt_cpu cpu)
+{
+    static _Thread_local cpu_set_t before;
+    static _Thread_local bool moved;
+    const cpu_set_t one = cpu == KN_RT_CPU_ANY ? before : one_of(cpu, &before);
+    if (moved != (cpu != KN_RT_CPU_ANY)) sched_setaffinity(0, sizeof one, &one);
+    moved = cpu != KN_RT_CPU_ANY;
 }
 
 void kn_rt_raise(const kn_rt *rt, pthread_t thread, int priority)
@@ -124,7 +133,8 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
     pthread_attr_setschedpolicy(&attr, fifo ? SCHED_FIFO : SCHED_OTHER);
     pthread_attr_setschedparam(&attr, &param);
-    if (cpu != KN_RT_CPU_ANY) pin(&attr, cpu);
+    cpu_set_t may, one = one_of(cpu, &may);
+    if (cpu != KN_RT_CPU_ANY) pthread_attr_setaffinity_np(&attr, sizeof one, &one);
     // block all signals, because a new thread inherits the signal mask and only the main thread may receive signals
     sigset_t all, before;
     sigfillset(&all);

@@ -55,6 +55,8 @@ void kn_rt_leave(const kn_rt *rt); // undo kn_rt_enter, when the other threads h
 // shown by ps and top -H, <= 15 bytes. Return pthread_create's error.
 int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, kn_rt_cpu cpu,
                  void *(*run)(void *), void *arg);
+// Move the calling thread to a processor, or with KN_RT_CPU_ANY back to all that it could use before.
+void kn_rt_move(kn_rt_cpu cpu);
 // Give a thread the real-time priority `priority`, if the machine grants it.
 void kn_rt_raise(const kn_rt *rt, pthread_t thread, int priority);
 
