@@ -2,7 +2,7 @@
 #define KN_BENCH_PEER_H
 // Block of dough in another physics engine, for a comparison with knead. The block consists of nodes and links. All
 // links have one stiffness and one damping, because other engines allow no more. A held node stands still, or moves as
-// peer_hold prescribes.
+// `hold` prescribes.
 #include <stdbool.h>
 
 #ifdef __cplusplus
@@ -21,17 +21,19 @@ typedef struct peer_block {
     double dt_s;
 } peer_block;
 
-typedef struct peer peer;
+typedef struct peer peer; // a block in the engine
 
-extern const char peer_name[]; // name and version of the other engine
+typedef struct peer_engine {
+    const char *name;                         // name and version
+    peer *(*create)(const peer_block *block); // copies the block
+    void (*destroy)(peer *p);
+    // Prescribe position and velocity of a held node for the next step.
+    void (*hold)(peer *p, int node, const double x_m[3], const double v_m_s[3]);
+    void (*step)(peer *p);
+    void (*read)(const peer *p, int node, double x_m[3], double v_m_s[3]);
+} peer_engine;
 
-peer *peer_create(const peer_block *block); // copies the block
-void peer_destroy(peer *p);
-// Prescribe position and velocity of a held node for the next step.
-void peer_hold(peer *p, int node, const double x_m[3], const double v_m_s[3]);
-void peer_step(peer *p);
-void peer_position(const peer *p, int node, double x_m[3]);
-void peer_velocity(const peer *p, int node, double v_m_s[3]);
+extern const peer_engine peer_bullet, peer_vega;
 
 #ifdef __cplusplus
 }

@@ -1,7 +1,6 @@
 // Bullet's deformable body (btDeformableMultiBodyDynamicsWorld with btDeformableMassSpringForce), as Debian builds it:
 // in float, with explicit elasticity and implicit damping, solved by conjugate gradients. All settings are Bullet's
-// defaults, but gravity, contact and sleep are off. This is the only C++ file of the benches, because Bullet has a C++
-// interface.
+// defaults, but gravity, contact and sleep are off.
 #include "bench/peer.h"
 
 #include <BulletCollision/BroadphaseCollision/btDbvtBroadphase.h>
@@ -12,9 +11,10 @@
 
 #define TEXT2(x) #x
 #define TEXT(x) TEXT2(x)
-const char peer_name[] = "Bullet " TEXT(BT_BULLET_VERSION);
 
-struct peer {
+namespace
+{
+struct block {
     btSoftBodyRigidBodyCollisionConfiguration configuration;
     btCollisionDispatcher dispatcher{&configuration};
     btDbvtBroadphase broadphase;
@@ -25,7 +25,7 @@ struct peer {
     btSoftBody *body;
     btScalar dt_s;
 
-    explicit peer(const peer_block &b)
+    explicit block(const peer_block &b)
         : force(btScalar(b.stiffness_n_m), btScalar(b.damping_n_s_m), b.axial), dt_s(btScalar(b.dt_s))
     {
         constraints.setDeformableSolver(&bodies);
@@ -47,7 +47,7 @@ struct peer {
         world->addForce(body, &force);
     }
 
-    ~peer()
+    ~block()
     {
         world->removeSoftBody(body);
         delete body;
@@ -55,25 +55,25 @@ struct peer {
     }
 };
 
-peer *peer_create(const peer_block *block) { return new peer(*block); }
-void peer_destroy(peer *p) { delete p; }
-void peer_step(peer *p) { p->world->stepSimulation(p->dt_s, 0); }
+block *of(const peer *p) { return reinterpret_cast<block *>(const_cast<peer *>(p)); }
+peer *create(const peer_block *b) { return reinterpret_cast<peer *>(new block(*b)); }
+void destroy(peer *p) { delete of(p); }
+void step(peer *p) { of(p)->world->stepSimulation(of(p)->dt_s, 0); }
 
-void peer_hold(peer *p, int node, const double x_m[3], const double v_m_s[3])
+void hold(peer *p, int node, const double x_m[3], const double v_m_s[3])
 {
-    btSoftBody::Node &n = p->body->m_nodes[node];
+    btSoftBody::Node &n = of(p)->body->m_nodes[node];
     for (int k = 0; k < 3; k++) {
         n.m_x[k] = n.m_q[k] = btScalar(x_m[k]);
         n.m_v[k] = n.m_vn[k] = btScalar(v_m_s[k]);
     }
 }
 
-void peer_position(const peer *p, int node, double x_m[3])
+void read(const peer *p, int node, double x_m[3], double v_m_s[3])
 {
-    for (int k = 0; k < 3; k++) x_m[k] = p->body->m_nodes[node].m_x[k];
+    const btSoftBody::Node &n = of(p)->body->m_nodes[node];
+    for (int k = 0; k < 3; k++) x_m[k] = n.m_x[k], v_m_s[k] = n.m_v[k];
 }
+} // namespace
 
-void peer_velocity(const peer *p, int node, double v_m_s[3])
-{
-    for (int k = 0; k < 3; k++) v_m_s[k] = p->body->m_nodes[node].m_v[k];
-}
+const peer_engine peer_bullet = {"Bullet " TEXT(BT_BULLET_VERSION), create, destroy, hold, step, read};
