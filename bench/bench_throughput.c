@@ -6,7 +6,7 @@
 #include <limits.h>
 #include <string.h>
 
-// --- numbers for --csv and --json -----------------------------------------------------------------------------------
+// --- numbers for --csv ----------------------------------------------------------------------------------------------
 
 typedef struct entry {
     char table[16], object[48], kernel[16], name[40];
@@ -35,22 +35,11 @@ static void print_csv(FILE *f)
                 entries[i].value);
 }
 
-static void print_json(FILE *f)
-{
-    fprintf(f, "[\n");
-    for (int i = 0; i < entry_count; i++)
-        fprintf(f,
-                "  {\"table\": \"%s\", \"object\": \"%s\", \"kernel\": \"%s\", \"name\": \"%s\", \"value\": %.6g}%s\n",
-                entries[i].table, entries[i].object, entries[i].kernel, entries[i].name, entries[i].value,
-                i + 1 < entry_count ? "," : "");
-    fprintf(f, "]\n");
-}
-
-static int write_file(const char *path, void (*print)(FILE *))
+static int write_csv(const char *path)
 {
     FILE *f = path ? fopen(path, "w") : NULL;
     if (!path) return 0;
-    if (f) print(f);
+    if (f) print_csv(f);
     if (f && !fclose(f)) return 0;
     perror(path);
     return 3;
@@ -63,12 +52,11 @@ static const char usage[] = "usage: bench/throughput [options]\n"
                             "  --all          all tables: by default, errors is left out, because it takes minutes\n"
                             "  --nodes N      leave out lattices and nets of more than N nodes (default: 20000)\n"
                             "  --quick        fewer rounds, and no lattice or net of more than 2560 nodes\n"
-                            "  --csv FILE     write every number of the tables as CSV, one per line\n"
-                            "  --json FILE    write every number of the tables as JSON\n";
+                            "  --csv FILE     write every number of the tables as CSV, one per line\n";
 
 typedef struct options {
     throughput_options tables;
-    const char *only, *csv, *json;
+    const char *only, *csv;
 } options;
 
 static const char *const table_name[] = {"lattices",  "threads",  "nets", "features",
@@ -102,10 +90,13 @@ static int check_only(const char *only)
 // Parse the options. Return 0, -1 after --help, or the exit code after a mistake.
 static int parse(int argc, char **argv, options *o)
 {
-    static const struct option longs[] = {{"only", required_argument, 0, 'o'}, {"nodes", required_argument, 0, 'n'},
-                                          {"quick", no_argument, 0, 'q'},      {"csv", required_argument, 0, 'c'},
-                                          {"json", required_argument, 0, 'j'}, {"help", no_argument, 0, 'h'},
-                                          {"all", no_argument, 0, 'a'},        {0, 0, 0, 0}};
+    static const struct option longs[] = {{"only", required_argument, 0, 'o'},
+                                          {"nodes", required_argument, 0, 'n'},
+                                          {"quick", no_argument, 0, 'q'},
+                                          {"csv", required_argument, 0, 'c'},
+                                          {"help", no_argument, 0, 'h'},
+                                          {"all", no_argument, 0, 'a'},
+                                          {0, 0, 0, 0}};
     char *end;
     *o = (options){.only = "lattices,threads,nets,features,composite,integers,peer", .tables.nodes_max = 20000};
     for (int c; (c = getopt_long(argc, argv, "", longs, NULL)) != -1;) switch (c) {
@@ -119,7 +110,6 @@ static int parse(int argc, char **argv, options *o)
         case 'a': o->only = "lattices,threads,nets,features,composite,integers,peer,errors"; break;
         case 'q': o->tables.quick = true; break;
         case 'c': o->csv = optarg; break;
-        case 'j': o->json = optarg; break;
         case 'h': return -1;
         default: return 2;
         }
@@ -147,6 +137,5 @@ int main(int argc, char **argv)
     if (wanted(o.only, "integers")) table_integers(&o.tables);
     if (wanted(o.only, "peer")) table_peer(&o.tables);
     if (wanted(o.only, "errors")) table_errors(&o.tables);
-    failed = write_file(o.csv, print_csv);
-    return write_file(o.json, print_json) || failed ? 3 : 0;
+    return write_csv(o.csv);
 }
