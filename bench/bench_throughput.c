@@ -1,8 +1,8 @@
 // Cost of a time step. bench/README.md explains the tables.
 #include "bench/bench.h"
 #include "bench/throughput.h"
+#include "server/option_table.h"
 
-#include <getopt.h>
 #include <limits.h>
 #include <string.h>
 
@@ -47,9 +47,10 @@ static int write_csv(const char *path)
 
 // --- the command ----------------------------------------------------------------------------------------------------
 
+#define TABLES "lattices,threads,nets,features,composite,integers,peer"
 static const char usage[] = "usage: bench/throughput [options]\n"
-                            "  --only TABLES  some of lattices,threads,nets,features,composite,integers,peer,errors\n"
-                            "  --all          all tables: by default, errors is left out, because it takes minutes\n"
+                            "  --only TABLES  all, or some of " TABLES ",errors\n"
+                            "                 (default: all but errors, which takes minutes)\n"
                             "  --nodes N      leave out lattices and nets of more than N nodes (default: 20000)\n"
                             "  --quick        fewer rounds, and no lattice or net of more than 2560 nodes\n"
                             "  --csv FILE     write every number of the tables as CSV, one per line\n";
@@ -59,83 +60,53 @@ typedef struct options {
     const char *only, *csv;
 } options;
 
-static const char *const table_name[] = {"lattices",  "threads",  "nets", "features",
-                                         "composite", "integers", "peer", "errors"};
-enum { TABLES = sizeof table_name / sizeof *table_name };
+static const struct {
+    const char *name;
+    void (*print)(const throughput_options *o);
+} table[] = {{"lattices", table_lattices}, {"threads", table_threads},     {"nets", table_nets},
+             {"features", table_features}, {"composite", table_composite}, {"integers", table_integers},
+             {"peer", table_peer},         {"errors", table_errors}};
+enum { COUNT = sizeof table / sizeof *table };
 
-static int bad(const char *what, const char *value, const char *expected)
+static bool wanted(const char *only, const char *name)
 {
-    fprintf(stderr, "bench_throughput: %s: '%s', expected %s\n", what, value, expected);
-    return 2;
-}
-
-static bool wanted(const char *only, const char *table)
-{
-    size_t length = strlen(table);
+    size_t length = strlen(name);
     for (const char *p = only; p; p = strchr(p, ',') ? strchr(p, ',') + 1 : NULL)
-        if (strncmp(p, table, length) == 0 && (p[length] == ',' || p[length] == 0)) return true;
+        if (strncmp(p, name, length) == 0 && (p[length] == ',' || p[length] == 0)) return true;
     return false;
 }
 
-static int check_only(const char *only)
+// Take the value of --only.
+static const char *take_only(void *to, const char *only)
 {
     int known = 0, asked = 1;
-    for (int i = 0; i < TABLES; i++) known += wanted(only, table_name[i]);
+    if (strcmp(only, "all") == 0) only = TABLES ",errors";
+    for (int i = 0; i < COUNT; i++) known += wanted(only, table[i].name);
     for (const char *p = only; *p; p++) asked += *p == ',';
-    return known == asked
-               ? 0
-               : bad("--only", only, "some of lattices,threads,nets,features,composite,integers,peer,errors");
-}
-
-// Parse the options. Return 0, -1 after --help, or the exit code after a mistake.
-static int parse(int argc, char **argv, options *o)
-{
-    static const struct option longs[] = {{"only", required_argument, 0, 'o'},
-                                          {"nodes", required_argument, 0, 'n'},
-                                          {"quick", no_argument, 0, 'q'},
-                                          {"csv", required_argument, 0, 'c'},
-                                          {"help", no_argument, 0, 'h'},
-                                          {"all", no_argument, 0, 'a'},
-                                          {0, 0, 0, 0}};
-    char *end;
-    *o = (options){.only = "lattices,threads,nets,features,composite,integers,peer", .tables.nodes_max = 20000};
-    for (int c; (c = getopt_long(argc, argv, "", longs, NULL)) != -1;) switch (c) {
-        case 'o': o->only = optarg; break;
-        case 'n': {
-            long n = strtol(optarg, &end, 10);
-            if (*end || n < 1 || n > INT_MAX) return bad("--nodes", optarg, "a positive whole number");
-            o->tables.nodes_max = (int)n;
-            break;
-        }
-        case 'a': o->only = "lattices,threads,nets,features,composite,integers,peer,errors"; break;
-        case 'q': o->tables.quick = true; break;
-        case 'c': o->csv = optarg; break;
-        case 'h': return -1;
-        default: return 2;
-        }
-    if (optind < argc) return bad("argument", argv[optind], "options only");
-    if (o->tables.quick && o->tables.nodes_max > 2560) o->tables.nodes_max = 2560;
-    return check_only(o->only);
+    *(const char **)to = only;
+    return known == asked ? NULL : "all, or some of " TABLES ",errors";
 }
 
 int main(int argc, char **argv)
 {
-    options o;
-    int failed = parse(argc, argv, &o);
-    if (failed == -1) return fputs(usage, stdout), 0;
-    if (failed) return failed;
+    static const kn_option rows[] = {
+        KN_OPTION("only", SPECIAL, .offset = offsetof(options, only), .take = take_only),
+        KN_OPTION("nodes", INTEGER, .offset = offsetof(options, tables.nodes_max), KN_RANGE(1, INT_MAX)),
+        KN_OPTION("quick", FLAG, .offset = offsetof(options, tables.quick)),
+        KN_OPTION("csv", TEXT, .offset = offsetof(options, csv)),
+    };
+    static const kn_option_table options_table = {KN_OPTION_ROWS(rows), .program = "bench_throughput", .help = usage};
+    options o = {.only = TABLES, .tables.nodes_max = 20000};
+    const int code = kn_options_read(&options_table, &o, argc, argv);
+    if (code != KN_OPTIONS_READ) return code;
+    if (optind < argc) return fprintf(stderr, "bench_throughput: %s: expected options only\n", argv[optind]), 2;
+    if (o.tables.quick && o.tables.nodes_max > 2560) o.tables.nodes_max = 2560;
     setvbuf(stdout, NULL, _IOLBF, 0);
     puts("# What a step costs\n\n```");
     print_machine();
     puts("block     5 x 5 x 3 cm of dough, 1 cm x 5 cm plate, 1 cm/s to 1 cm, held 0.5 s, withdrawn; 1 ms steps\n"
          "time      processor time of the thread: for each tick, the smallest time in several rounds\n```\n");
-    if (wanted(o.only, "lattices")) table_lattices(&o.tables);
-    if (wanted(o.only, "threads")) table_threads(&o.tables);
-    if (wanted(o.only, "nets")) table_nets(&o.tables);
-    if (wanted(o.only, "features")) table_features(&o.tables);
-    if (wanted(o.only, "composite")) table_composite(&o.tables);
-    if (wanted(o.only, "integers")) table_integers(&o.tables);
-    if (wanted(o.only, "peer")) table_peer(&o.tables);
-    if (wanted(o.only, "errors")) table_errors(&o.tables);
+    for (int i = 0; i < COUNT; i++)
+        if (wanted(o.only, table[i].name)) table[i].print(&o.tables);
     return write_csv(o.csv);
 }
