@@ -63,7 +63,7 @@ void table_nets(const throughput_options *o);
 void table_features(const throughput_options *o);
 void table_composite(const throughput_options *o);
 void table_integers(const throughput_options *o);
-void table_peer(const throughput_options *o); // without Bullet at the build: prints one line and no table
+void table_peer(const throughput_options *o); // without another engine at the build: prints one line
 void table_errors(const throughput_options *o);
 
 // Record one number for --csv. object: the lattice, net or feature that was measured. kernel: name of the

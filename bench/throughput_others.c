@@ -105,6 +105,7 @@ static kn_input feature_hand(const kn_model *model, double t_s)
 {
     kn_input in = press_hand(model, t_s);
     in.top_load_n = 2 + sin(20 * M_PI * t_s);
+    in.probe[0].attached = model->def.probe_count > 0;
     for (int p = 1; p < model->def.probe_count; p++) in.probe[p] = in.probe[0];
     return in;
 }

@@ -1,6 +1,7 @@
 // Table of steps with one thread and with two, and of what a deadline cuts off. Here the second thread spins all the
 // time, so nothing shows of the time in which it wakes.
 #include "bench/throughput.h"
+#include "core/algebra/algebra.h"
 #include "server/team.h"
 #include "tests/physics/press.h"
 
@@ -11,12 +12,6 @@ static kn_input hand(const kn_model *model, double t_s)
     kn_input in = press_hand(model, t_s);
     in.deadline = deadline;
     return in;
-}
-
-static int ascending(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
 }
 
 typedef struct pressed { // the whole press
@@ -59,11 +54,11 @@ static double row(const kn_model_def *def, kn_team *team, double most_us, double
     turns_team(&r, team);
     turns_run(&r, 1, PRESS_TICKS, o->quick ? 1 : 3);
     press_all(def, team, r.us, &p);
-    qsort(r.us, PRESS_TICKS, sizeof *r.us, ascending);
+    qsort(r.us, PRESS_TICKS, sizeof *r.us, kn_ascending);
     const double force = 100 * relative_error((const double(*)[3])p.force_n, exact->force_n, PRESS_TICKS);
     snprintf(object, sizeof object, "%d%s", def->nodes[0] * def->nodes[1] * def->nodes[2],
              def->pressure == KN_PRESSURE_NONE ? "" : " gas");
-    snprintf(kernel, sizeof kernel, "%d, %.2f ms", team ? 2 : 1, 1e-3 * most_us);
+    snprintf(kernel, sizeof kernel, "%d at %.2f ms", team ? 2 : 1, 1e-3 * most_us);
     printf("| %-9s | %7d | %8.2f | %6.0f | %6.0f | %6.0f | %6d | %8.3f |\n", object, team ? 2 : 1, 1e-3 * most_us,
            r.us[PRESS_TICKS / 2], r.us[PRESS_TICKS * 9 / 10], r.us[PRESS_TICKS * 99 / 100], p.capped, force);
     note("threads", object, kernel, "median_us", r.us[PRESS_TICKS / 2]);

@@ -89,7 +89,8 @@ static double subject_step(void *self, int tick, int *iterations)
     kn_status status = kn_step(s->model, s->state, s->scratch, &in, &out);
     double us = thread_us() - before;
     if (status != KN_OK) {
-        fprintf(stderr, "bench: a step of %d nodes diverged at tick %d\n", s->model->node_count, s->from + tick);
+        fprintf(stderr, "bench: a step of %d nodes, tick %d: %s\n", s->model->node_count, s->from + tick,
+                kn_status_text(status));
         exit(1);
     }
     *iterations = out.iterations;

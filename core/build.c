@@ -339,7 +339,7 @@ static size_t cell_reals(const kn_model *m)
     return m->def.mesh ? 16 * kn_work_cells(m) : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
-// Return the number of reals of kn_work.cut: 24 per row of a net, or the strains of one plane of a block.
+// Return the number of reals of kn_work.cut. Each of its uses needs less than the sum.
 static size_t cut_reals(const kn_model *m)
 {
     size_t rows = m->composite || m->def.mesh ? 0 : (size_t)m->grid.len[1];
@@ -453,9 +453,10 @@ kn_scratch *kn_scratch_create(const kn_model *model)
     return scratch;
 }
 
-void kn_scratch_team(const kn_model *model, kn_scratch *scratch, kn_team *team)
+bool kn_scratch_team(const kn_model *model, kn_scratch *scratch, kn_team *team)
 {
-    scratch->work.team = kn_work_team(model, team);
+    scratch->work.team = model->def.solver.kind == KN_SOLVER_IMPLICIT ? kn_work_team(model, team) : NULL;
+    return scratch->work.team;
 }
 
 void kn_state_destroy(kn_state *state) { free(state); }

@@ -111,18 +111,20 @@ void kn_state_copy(const kn_model *model, kn_state *dst, const kn_state *src); /
 size_t kn_scratch_size(const kn_model *model);                                 // memory of a scratch [bytes]
 kn_scratch *kn_scratch_create(const kn_model *model);                          // NULL: memory is short
 void kn_scratch_destroy(kn_scratch *scratch);                                  // does nothing if `scratch` is NULL
-// Two threads that do the two parts of every loop of a step. core starts no thread for a step: the program brings the
-// second one. The bits are the same with a team and without one.
 #define KN_TEAM_PARTS 2
 typedef void kn_team_work(void *job, int part);
+// Two threads that share the loops over edges and nodes of a step. core starts no thread for a step: the program brings
+// the second one. The bits are the same with a team and without one. A team serves one step at a time.
 typedef struct kn_team {
     // Call work(job, part) for every part below KN_TEAM_PARTS, on any threads and in any order, and return when all
-    // calls have returned. A step calls this function some five times per iteration.
+    // calls have returned. A step calls this function about six times per iteration. If steps are real-time safe, this
+    // function must be, too.
     void (*run)(struct kn_team *team, kn_team_work *work, void *job);
+    int least; // least number of vectors of 16 nodes with which it pays to hand a loop over
 } kn_team;
-// Let a team do the steps with this scratch; NULL: the calling thread does them alone. Only the implicit solver uses
-// it, and not for an object so small that it would not pay. Real-time safe.
-void kn_scratch_team(const kn_model *model, kn_scratch *scratch, kn_team *team);
+// Let a team do the steps with this scratch, which keeps the pointer; NULL: the calling thread does them alone. Return
+// whether the team takes part: only in the implicit solver, and only for objects that are large enough. Real-time safe.
+bool kn_scratch_team(const kn_model *model, kn_scratch *scratch, kn_team *team);
 // Return the size in bytes of a field of the state with `components` numbers per node; 0: the state has no such field.
 size_t kn_state_field(const kn_model *model, int components);
 

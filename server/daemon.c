@@ -435,8 +435,8 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     // thread to run.
     kn_rt_enter(&d->rt, def->realtime);
     kn_helper_raise(d->on.helper, &d->rt);
-    d->check.rest_ns = kn_served_object_measure(&d->on.backend, NULL, NULL);
-    d->operator.served_ns = kn_served_object_measure(&d->on.backend, d->on.helper, d->on.model);
+    d->check.rest_ns = kn_served_object_measure(&d->on.backend, NULL);
+    d->operator.served_ns = kn_served_object_measure(&d->on.backend, d->on.model);
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;

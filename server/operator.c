@@ -397,7 +397,7 @@ static bool only_limits(const kn_operator *o, const json_t *values, const kn_sce
 static bool too_slow(kn_operator *o, const json_t *values, kn_scene_change *change, char *why, size_t why_size)
 {
     if (only_limits(o, values, change)) return false;
-    int64_t now_ns = kn_served_object_measure(&change->backend, NULL, change->model), was_ns = o->served_ns;
+    int64_t now_ns = kn_served_object_measure(&change->backend, change->model), was_ns = o->served_ns;
     if (now_ns > KN_PERIOD_NS && now_ns > 2 * was_ns) {
         snprintf(why, why_size, "a tick would take %.2g ms here, expected 1 ms at most", 1e-6 * (double)now_ns);
         return true;

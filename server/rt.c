@@ -89,26 +89,25 @@ static void *thread_main(void *memory)
     return start.run(start.arg);
 }
 
-// Return the set of the one processor `where`, of those that the calling thread may use.
-static cpu_set_t one_of(kn_rt_cpu where, cpu_set_t *may)
+// Put the one processor `where`, of those that the calling thread may use, into a set. Return false if there is none.
+static bool one_of(kn_rt_cpu where, cpu_set_t *one)
 {
-    cpu_set_t one;
-    CPU_ZERO(&one);
-    if (sched_getaffinity(0, sizeof *may, may) != 0) return one;
-    size_t cpu = CPU_SETSIZE - 1;
-    for (int left = (int)where; cpu > 0; cpu--)
-        if (CPU_ISSET(cpu, may) && --left == 0) break;
-    CPU_SET(cpu, &one);
-    return one;
+    cpu_set_t may;
+    int left = (int)where;
+    if (where == KN_RT_CPU_ANY || sched_getaffinity(0, sizeof may, &may) != 0) return false;
+    CPU_ZERO(one);
+    for (size_t cpu = CPU_SETSIZE; cpu-- > 0 && left > 0;)
+        if (CPU_ISSET(cpu, &may) && --left == 0) CPU_SET(cpu, one);
+    return left == 0;
 }
 
 void kn_rt_move(kn_rt_cpu cpu)
 {
-    static _Thread_local cpu_set_t before;
+    static _Thread_local cpu_set_t before, one;
     static _Thread_local bool moved;
-    const cpu_set_t one = cpu == KN_RT_CPU_ANY ? before : one_of(cpu, &before);
-    if (moved != (cpu != KN_RT_CPU_ANY)) sched_setaffinity(0, sizeof one, &one);
-    moved = cpu != KN_RT_CPU_ANY;
+    if (moved) sched_setaffinity(0, sizeof before, &before);
+    else if (sched_getaffinity(0, sizeof before, &before) != 0) return;
+    moved = one_of(cpu, &one) && sched_setaffinity(0, sizeof one, &one) == 0;
 }
 
 void kn_rt_raise(const kn_rt *rt, pthread_t thread, int priority)
@@ -133,8 +132,8 @@ int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int prior
     pthread_attr_setinheritsched(&attr, PTHREAD_EXPLICIT_SCHED);
     pthread_attr_setschedpolicy(&attr, fifo ? SCHED_FIFO : SCHED_OTHER);
     pthread_attr_setschedparam(&attr, &param);
-    cpu_set_t may, one = one_of(cpu, &may);
-    if (cpu != KN_RT_CPU_ANY) pthread_attr_setaffinity_np(&attr, sizeof one, &one);
+    cpu_set_t one;
+    if (one_of(cpu, &one)) pthread_attr_setaffinity_np(&attr, sizeof one, &one);
     // block all signals, because a new thread inherits the signal mask and only the main thread may receive signals
     sigset_t all, before;
     sigfillset(&all);

@@ -28,9 +28,11 @@ typedef enum kn_rt_mode {
 
 enum { KN_RT_NORMAL = 0, KN_RT_HELPER = 60, KN_RT_MAIN = 70, KN_RT_SENTINEL = 79, KN_RT_SERVO = 80 };
 
-// Processor of a thread: any; the last one that the process may use, because most interrupts and kernel work run on the
-// first; the one before the last.
-typedef enum kn_rt_cpu { KN_RT_CPU_ANY, KN_RT_CPU_SERVO, KN_RT_CPU_HELPER } kn_rt_cpu;
+typedef enum kn_rt_cpu { // processor of a thread
+    KN_RT_CPU_ANY,
+    KN_RT_CPU_SERVO, // the last one that the process may use: most interrupts and kernel work run on the first
+    KN_RT_CPU_HELPER // the one before the servo's
+} kn_rt_cpu;
 
 typedef struct kn_rt {
     kn_rt_mode mode;
@@ -49,13 +51,14 @@ int64_t kn_rt_clock_ns(clockid_t clock);
 // Give the calling thread the real-time priority KN_RT_MAIN, if the machine grants priorities up to KN_RT_SERVO. Call
 // this function before creating threads.
 void kn_rt_enter(kn_rt *rt, kn_rt_mode mode);
-void kn_rt_leave(const kn_rt *rt); // undo kn_rt_enter, when the other threads have ended
+void kn_rt_leave(const kn_rt *rt); // undo kn_rt_enter, when the other threads have ended or sleep
 
 // Create a thread with all signals blocked and a small stack, whose pages are mapped before `run` is called. `name`:
 // shown by ps and top -H, <= 15 bytes. Return pthread_create's error.
 int kn_rt_thread(const kn_rt *rt, pthread_t *thread, const char *name, int priority, kn_rt_cpu cpu,
                  void *(*run)(void *), void *arg);
-// Move the calling thread to a processor, or with KN_RT_CPU_ANY back to all that it could use before.
+// Move the calling thread to a processor, or with KN_RT_CPU_ANY back to all that it could use before. It stays where it
+// is if the kernel refuses. kn_rt_move and kn_rt_raise are system calls, not for a tick.
 void kn_rt_move(kn_rt_cpu cpu);
 // Give a thread the real-time priority `priority`, if the machine grants it.
 void kn_rt_raise(const kn_rt *rt, pthread_t thread, int priority);

@@ -80,6 +80,7 @@ static const char *misfit(const kn_scene *scene, const kn_scene *now)
     bool points = scene->quality == now->quality;
     for (int q = 0; q < KN_QUALITIES; q++) points &= scene->point[q].live == now->point[q].live;
     if (!points) return "other quality points";
+    if ((scene->threads == 2) != (now->threads == 2)) return "another solver.threads";
     if (scene->mesh_hz != now->mesh_hz) return "another mesh.rate";
     if (scene->mesh_measures != now->mesh_measures) return "other mesh.measures";
     return d->solver.dt_s != e->solver.dt_s ? "another solver.dt" : NULL;

@@ -152,11 +152,10 @@ static void strike(const kn_model *model, int tick, kn_input *input)
 }
 
 // Run one tick of the backend, and return its time by the given clock, ns.
-static int64_t step(kn_backend *b, kn_helper *helper, const kn_model *model, clockid_t clock, const kn_input *input,
-                    kn_output *output)
+static int64_t step(kn_backend *b, kn_helper *helper, clockid_t clock, const kn_input *input, kn_output *output)
 {
     int64_t from_ns = kn_rt_clock_ns(clock);
-    kn_helper_join(helper, b, model);
+    kn_helper_wake(helper);
     b->submit(b->self, input);
     b->wait(b->self, 0, output);
     kn_helper_rest(helper);
@@ -164,21 +163,19 @@ static int64_t step(kn_backend *b, kn_helper *helper, const kn_model *model, clo
 }
 
 // Measure a few ticks and take the shortest, because other processes can only lengthen a tick. Stop after 20 ms.
-int64_t kn_served_object_measure(kn_backend *b, kn_helper *helper, const kn_model *pressed)
+int64_t kn_served_object_measure(kn_backend *b, const kn_model *pressed)
 {
     // measure a circuit by elapsed time, not by processor time, because the circuit works while this thread waits
     kn_fpga_counts circuit;
     const clockid_t clock = kn_backend_fpga_counts(b, &circuit) ? CLOCK_MONOTONIC : CLOCK_THREAD_CPUTIME_ID;
     int64_t start_ns = kn_rt_clock_ns(clock), best_ns = INT64_MAX;
-    if (helper) kn_rt_move(KN_RT_CPU_SERVO);
     for (int i = 0; i < 10 && kn_rt_clock_ns(clock) - start_ns < 20 * KN_PERIOD_NS; i++) {
         kn_input input = {0};
         kn_output output;
         if (pressed) strike(pressed, i, &input);
-        int64_t took_ns = step(b, pressed ? helper : NULL, pressed, clock, &input, &output);
+        int64_t took_ns = step(b, NULL, clock, &input, &output);
         if (took_ns < best_ns) best_ns = took_ns;
     }
-    if (helper) kn_rt_move(KN_RT_CPU_ANY);
     b->reset(b->self);
     return best_ns;
 }
@@ -195,13 +192,14 @@ static void strike_all(kn_backend *b, kn_helper *helper, const kn_model *model, 
     const clockid_t clock = CLOCK_THREAD_CPUTIME_ID;
     const int64_t start_ns = kn_rt_clock_ns(clock);
     if (helper) kn_rt_move(KN_RT_CPU_SERVO); // else the two threads could share a processor
+    kn_helper_join(helper, b, model);
     for (int round = 0; round < STRIKE_ROUNDS && kn_rt_clock_ns(clock) - start_ns < 100 * KN_PERIOD_NS; round++) {
         b->reset(b->self);
         for (int i = 0; i < STRIKES; i++) {
             kn_input input = {.deadline = deadline};
             kn_output output;
             strike(model, i, &input);
-            int64_t ns = step(b, helper, model, clock, &input, &output);
+            int64_t ns = step(b, helper, clock, &input, &output);
             if (round == 0 || ns < took_ns[i]) took_ns[i] = ns;
             units[i] = output.units;
         }
@@ -247,9 +245,12 @@ void kn_served_object_help(kn_served_object *served)
 {
     kn_served_object *s = served;
     if (s->scene->threads < 2) return;
-    if (strcmp(s->backend.name, "cpu") == 0 && s->model->def.solver.kind == KN_SOLVER_IMPLICIT)
-        s->helper = kn_helper_create(s->alone, sizeof s->alone);
-    else snprintf(s->alone, sizeof s->alone, "expected solver.kind implicit, without a circuit");
+    s->helper = kn_helper_create(s->alone, sizeof s->alone);
+    if (!s->helper || kn_helper_join(s->helper, &s->backend, s->model)) return;
+    kn_helper_destroy(s->helper);
+    s->helper = NULL;
+    kn_helper_join(NULL, &s->backend, s->model);
+    snprintf(s->alone, sizeof s->alone, "the object is too small, or a circuit or integers step it");
 }
 
 void kn_served_object_free(kn_served_object *served)

@@ -208,6 +208,7 @@ static void step(kn_tick *t)
     // pass a solver effort only if the quality differs from the scene's own, with which the model was built
     if (t->servo->quality != scene->quality) t->input.effort = scene->point[t->servo->quality].effort;
     t->input.deadline = t->servo->deadline;
+    if (t->servo->helper) kn_helper_join(t->servo->helper, b, t->servo->model);
     b->submit(b->self, &t->input);
     t->stepped = true;
     // wait() returns by the deadline in every case
@@ -306,7 +307,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     out->local = servo->backend->contact != NULL;
     kn_tick t = {.servo = servo, .in = in, .out = out};
 
-    kn_helper_join(servo->helper, servo->backend, servo->model); // it wakes while this thread reads the poses
+    kn_helper_wake(servo->helper); // it wakes while this thread reads the poses
     read_all(&t);
     bool pressed = any_attached(&t);
     for (int p = 0; p < out->probes; p++) watch_probe(&t, p);

@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LINE = 64 }; // bytes of a cache line
+// LINE: bytes of a cache line. LEAST_VECTORS: below some thousand nodes, two threads take longer than one; measured.
+enum { LINE = 64, LEAST_VECTORS = 64 };
 
 // A cache line takes up to 0.2 us from one processor to the other, so what is read together is in one line.
 struct kn_helper {
@@ -15,11 +16,10 @@ struct kn_helper {
     pthread_t thread;
     sem_t called;
     atomic_bool awake, leave;
-    int64_t loops;                   // number of loops so far
-    _Alignas(LINE) atomic_uint turn; // odd: part 1 of the present loop is not claimed
+    _Alignas(LINE) _Atomic uint64_t turn; // odd: part 1 of the present loop is not claimed
     void (*work)(void *job, int part);
     void *job;
-    _Alignas(LINE) atomic_uint done;       // value of `turn` with which the helper did its last part
+    _Alignas(LINE) _Atomic uint64_t done;  // value of `turn` with which the helper did its last part
     _Alignas(LINE) _Atomic int64_t helped; // number of parts that the helper did
 };
 
@@ -36,13 +36,12 @@ static void spin(void)
 static void run(kn_team *team, void (*work)(void *job, int part), void *job)
 {
     kn_helper *h = (kn_helper *)team;
-    unsigned open = atomic_load_explicit(&h->turn, memory_order_relaxed) + 1;
+    uint64_t open = atomic_load_explicit(&h->turn, memory_order_relaxed) + 1;
     h->work = work;
     h->job = job;
-    h->loops++;
     atomic_store_explicit(&h->turn, open, memory_order_release);
     work(job, 0);
-    const unsigned claimed = open + 1;
+    const uint64_t claimed = open + 1;
     if (atomic_load_explicit(&h->done, memory_order_acquire) == claimed) return;
     if (atomic_compare_exchange_strong(&h->turn, &open, claimed)) {
         work(job, 1);
@@ -55,7 +54,7 @@ static void run(kn_team *team, void (*work)(void *job, int part), void *job)
 static void help(kn_helper *h)
 {
     while (atomic_load_explicit(&h->awake, memory_order_relaxed)) {
-        unsigned open = atomic_load_explicit(&h->turn, memory_order_relaxed);
+        uint64_t open = atomic_load_explicit(&h->turn, memory_order_relaxed);
         if (open % 2 == 0 || !atomic_compare_exchange_strong(&h->turn, &open, open + 1)) {
             spin();
             continue;
@@ -83,12 +82,13 @@ kn_helper *kn_helper_create(char *why, size_t why_size)
         return snprintf(why, why_size, "only one processor"), NULL;
     kn_helper *h = aligned_alloc(LINE, sizeof *h);
     if (h) memset(h, 0, sizeof *h);
-    if (h) h->team.run = run;
+    if (h) h->team = (kn_team){run, LEAST_VECTORS};
     if (h) sem_init(&h->called, 0, 0);
     const kn_rt rt = {0};
     const int error = h ? kn_rt_thread(&rt, &h->thread, "helper", 0, KN_RT_CPU_HELPER, helper_main, h) : ENOMEM;
     if (!error) return h;
     snprintf(why, why_size, "%s", strerror(error));
+    if (h) sem_destroy(&h->called);
     free(h);
     return NULL;
 }
@@ -101,6 +101,7 @@ void kn_helper_raise(kn_helper *helper, const kn_rt *rt)
 void kn_helper_destroy(kn_helper *helper)
 {
     if (!helper) return;
+    kn_helper_rest(helper);
     atomic_store(&helper->leave, true);
     sem_post(&helper->called);
     pthread_join(helper->thread, NULL);
@@ -116,10 +117,10 @@ kn_team *kn_helper_wake(kn_helper *helper)
     return &helper->team;
 }
 
-void kn_helper_join(kn_helper *helper, kn_backend *backend, const kn_model *model)
+bool kn_helper_join(kn_helper *helper, kn_backend *backend, const kn_model *model)
 {
     // a backend lends its scratch for reading; the team is the one thing that is set in it from outside
-    if (helper) kn_scratch_team(model, (kn_scratch *)backend->scratch(backend->self), kn_helper_wake(helper));
+    return kn_scratch_team(model, (kn_scratch *)backend->scratch(backend->self), helper ? &helper->team : NULL);
 }
 
 void kn_helper_rest(kn_helper *helper)
@@ -129,6 +130,6 @@ void kn_helper_rest(kn_helper *helper)
 
 double kn_helper_share(const kn_helper *helper)
 {
-    if (!helper || helper->loops == 0) return 0;
-    return (double)atomic_load_explicit(&helper->helped, memory_order_relaxed) / (double)helper->loops;
+    const double loops = helper ? (double)(atomic_load(&helper->turn) / 2) : 0;
+    return loops > 0 ? (double)atomic_load(&helper->helped) / loops : 0;
 }

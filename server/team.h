@@ -21,11 +21,11 @@ kn_helper *kn_helper_create(char *why, size_t why_size);
 void kn_helper_raise(kn_helper *helper, const kn_rt *rt);
 void kn_helper_destroy(kn_helper *helper);
 
-// Wake the helper before a tick, and let it sleep afterwards. Return the team for kn_scratch_team. Real-time safe. All
-// functions do nothing if `helper` is NULL; the team is then NULL.
+// Make the helper's team that of a backend's steps; NULL: none. Return whether it takes part (kn_scratch_team).
+bool kn_helper_join(kn_helper *helper, kn_backend *backend, const kn_model *model);
+// Wake the helper before a tick, and let it sleep after it. Return the helper's team. These functions are real-time safe
+// and do nothing if `helper` is NULL.
 kn_team *kn_helper_wake(kn_helper *helper);
-// Wake the helper for the next tick of a backend that steps `model`.
-void kn_helper_join(kn_helper *helper, kn_backend *backend, const kn_model *model);
 void kn_helper_rest(kn_helper *helper);
 
 // Return the share of all parts 1 that the helper has done. 0: it was never there in time.

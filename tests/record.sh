@@ -9,7 +9,7 @@ record=tests/nightly.txt record_age_max=80 # maximum age, in commits
 record_covers=(hdl server/backend tests/timed) # a change to these folders needs a new night run
 record_hdl=("${record_covers[@]:0:2}" clients/simdev core/{fixed,solver_fixed}.{c,h}
     tests/hdl tests/e2e/{board,test_circuit,test_circuit_rtl}.sh)
-record_threads=({server/,tests/server/test_}{ring,mailbox,keeper}.c server/{ring,mailbox,keeper}.h)
+record_threads=({server/,tests/server/test_}{ring,mailbox,keeper,team}.c server/{ring,mailbox,keeper,team}.h)
 
 record_commit() { git rev-parse -q --verify "$1^{commit}" 2>/dev/null || echo unknown; }
 record_value() { sed -n "s/^$1 //p" $record 2>/dev/null; }

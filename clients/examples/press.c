@@ -1,4 +1,4 @@
-// Press a ball into dough, wait and lift it; also a C++ program. press.py and press_ctypes.py do the same in Python.
+// Press a ball into dough, wait and lift it; also a C++ program. press.py does the same in Python.
 //     cc press.c $(pkg-config --cflags --libs knead) && ./a.out
 //     c++ -x c++ press.c -x none $(pkg-config --cflags --libs knead) && ./a.out
 #include <inttypes.h>

@@ -1,4 +1,4 @@
-# Press a ball into dough, wait and lift it; press.c and press_ctypes.py do the same.
+# Press a ball into dough, wait and lift it; press.c does the same.
 import knead
 
 state = knead.Model().state()  # a block of dough 3 cm high, and a ball of 3 cm

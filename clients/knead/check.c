@@ -296,8 +296,9 @@ static void print_threads(kn_backend *b, const kn_model *model, double one_ms)
 {
     char why[64];
     kn_helper *helper = kn_helper_create(why, sizeof why);
-    if (!helper) {
-        printf("threads   one: %s\n", why);
+    if (!helper || !kn_helper_join(helper, b, model)) {
+        printf("threads   one: %s\n", helper ? "the object is too small for a second one" : why);
+        kn_helper_destroy(helper);
         return;
     }
     const double two_ms = 1e-6 * (double)kn_served_object_worst(b, helper, model, 0);

@@ -312,6 +312,7 @@ static void measure(findings *f, int seconds)
                       "while its host does other work"
                     : "get real-time priority first: see the check `priority`");
     }
+    kn_rt_leave(&rt);
     free(w);
 }
 

@@ -4,6 +4,7 @@
 // compiled once for each instruction set and precision; kernel.c chooses for a model. All kernels visit rows in memory
 // order and sum in one order, so all machines give the same bits.
 //
+//     begin      r = P = 0;  guess = velocity                                                             [step]
 //     edge       law of every edge -> residual r, sqrt(slope) vectors g, block-Jacobi inverse P, z = P r      [step]
 //     recall     z = the last step's change of velocity, where free; returns r.z                              [step]
 //     apply      d = z + beta d;  q = (M/dt + sum g g^T) d;  returns d.q                                 [iteration]
@@ -49,9 +50,10 @@ typedef struct kn_work {
     // Coarse level (coarse.h): residual and solution of the coarse nodes, and sums of the transfers; NULL without one.
     void *coarse;
     kn_team *team; // team of the scratch, or NULL
-    double *sums;  // two sums per group of rows, see kernel_nodes.h
-    // Block: copy of the strains of the plane below the cut between two parts, so that both may advance them. Net: sums
-    // of the coarse cells.
+    // for each group of rows (kernel_nodes.h) its sum; in `apply` a second one follows, that of the gas in the cells
+    double *sums;
+    // Block: the strains of the plane below the cut between two parts as they were before the pass, then for each part
+    // a row of g for what the other part writes. Net: the sums of the coarse cells. coarse_solve keeps its sums here.
     void *cut;
     // one flag per row; 1: at least one component of the row's nodes is prescribed
     uint8_t *row_held;
@@ -124,13 +126,13 @@ static inline size_t kn_work_records(const kn_model *m)
     return 4 * (each * (size_t)m->row_count * KN_LANES + 2 * (m->edge_reals + 1));
 }
 
-// Return the team for the kernels of a model. A model of less than KN_TEAM_VECTORS vectors of nodes has none: to hand a
-// loop over would take longer than the loop.
-#define KN_TEAM_VECTORS 64
+// Return the team if it pays for the loops of a model, else NULL. A block of one plane cannot be cut. In a composite,
+// each block decides for itself.
 static inline kn_team *kn_work_team(const kn_model *m, kn_team *team)
 {
+    if (!team || m->composite) return team;
     const int vectors = m->def.mesh ? m->row_count : m->grid.rows * m->grid.vectors;
-    return m->composite || vectors >= KN_TEAM_VECTORS ? team : NULL;
+    return vectors >= team->least && (m->def.mesh || m->grid.len[2] > 1) ? team : NULL;
 }
 
 // Return true if nothing but contact and gravity holds the object. The preconditioner then has a level of the

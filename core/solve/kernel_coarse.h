@@ -105,16 +105,19 @@ LANES_INLINE void restrict_row(const tables *t, const transfer *x, int b, int c,
     }
 }
 
+LANES_INLINE void restrict_planes(const job *j, int part, int K)
+{
+    const tables *t = j->model->tables;
+    const transfer x = transfer_of(j->model, j->work, K);
+    const range planes = range_of(j->work, t->planes, part);
+    for (int c = planes.first; c < planes.end; c++) restrict_plane(t, &x, j->work, c);
+}
+
 static void restrict_loop(void *loop, int part)
 {
     const job *j = loop;
-    const tables *t = j->model->tables;
-    const int K = t->vectors;
-    const range planes = range_of(j->work, t->planes, part);
-    for (int c = planes.first; c < planes.end; c++) {
-        const transfer x = transfer_of(j->model, j->work, K == 1 ? 1 : K);
-        restrict_plane(t, &x, j->work, c);
-    }
+    if (j->model->grid.vectors == 1) restrict_planes(j, part, 1);
+    else restrict_planes(j, part, j->model->grid.vectors);
 }
 
 static void restriction(const kn_model *model, const kn_work *work)

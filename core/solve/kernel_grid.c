@@ -237,8 +237,9 @@ enum { LEAN = sizeof(real) == sizeof(double) };
 typedef struct edges {
     // row, to: first and second row; k: vector; s: shift; e: index of the forward edge
     int row, to, k, s, e;
-    bool moved;      // a prescribed velocity has changed in one of the two rows
-    real *g, *r, *p; // where the edges leave g, and the row `to` of r and P; elsewhere if the row is of another part
+    bool moved; // a prescribed velocity has changed in one of the two rows
+    // where to store g, and the row `to` of r and P; `aside` for a row of the other part
+    real *g, *r, *p;
     // share: part of the edges' weight that depends on row and plane; root: root of `share`
     real share, root;
 } edges;
@@ -356,11 +357,11 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
     for (int i = 0; i < 6; i++) store_add(f->p + at(f->K, row, 6, i, k), own.block[i]);
 }
 
-// The planes of a part. The edges from the plane before the part's first plane end in the part, so the part computes
-// this plane, too, but writes only what belongs to its own rows: it is the plane `from` where it is not `first`.
+// The planes of a part: `first` to `end`. Edges lead from the plane before `first` into the part. So the part also
+// computes the edges of that plane, and begins at the plane `from`; it writes to its own rows only.
 //
-//     part 0     part 1          planes c0 .. end of part 1; o: the plane at c0 - 1, whose edges both parts compute
-//     . . . o  |  . . . .
+//     planes    . . . o | . . . .       o: both parts compute the edges of this plane
+//               part 0  |  part 1
 typedef struct slab {
     int from, first, end;
 } slab;
@@ -384,7 +385,7 @@ LANES_INLINE void edge_pass(const job *j, int part, kn_law_kind kind, bool strok
     const slab s = slab_of(t, work, part, &f);
     for (int c = s.from, row = c * t->rows; c < s.end; c++) {
         // the strains of the plane before are advanced by the part before
-        if (f.u) f.u = c < s.first ? (real *)work->cut - at(K, row, KN_FORWARD, 0, 0) : j->state->strain;
+        if (f.u && !again) f.u = c < s.first ? (real *)work->cut - at(K, row, KN_FORWARD, 0, 0) : j->state->strain;
         lanes plane = lanes_set(0);
         for (int b = 0; b < t->rows; b++, row++) {
             for (int k = 0; k < f.K; k++) edge_row(j->model, t, &f, work, row, b, c, k, kind, stroke, j->how, again);
@@ -419,7 +420,7 @@ static double edge(const kn_model *model, kn_state *state, const kn_work *work, 
     job j = {model, state, work, how, again, again, 0};
     const int K = model->grid.vectors, one = again ? 0 : K;
     if (model->def.pressure == KN_PRESSURE_OBJECT) object_add(model, state, work);
-    if (work->team && state->strain) { // copy the strains of the plane below the cut
+    if (work->team && state->strain && !again) { // copy the strains of the plane below the cut
         const size_t plane = at(K, t->rows, KN_FORWARD, 0, 0), end = (size_t)range_of(work, t->planes, 0).end;
         memcpy(work->cut, (const real *)state->strain + (end - 1) * plane, plane * sizeof(real));
     }
@@ -500,10 +501,11 @@ LANES_INLINE void product_one(const tables *t, const fields *f, int row, int b, 
         const int to = group_row(t, row, b, c, g);
         lanes far[3];
         if (to < 0 || (row < f->first && to < f->first)) continue;
-        load_q(f, to, near_vector(f->K, k, -1), far);
+        if (to < f->end) load_q(f, to, near_vector(f->K, k, -1), far);
+        else far[0] = far[1] = far[2] = lanes_set(0);
         UNROLL(3)
         for (int s = -1; s <= 1; s++) {
-            if (f->K > 1 && s > -1) load_q(f, to, near_vector(f->K, k, s), far);
+            if (f->K > 1 && s > -1 && to < f->end) load_q(f, to, near_vector(f->K, k, s), far);
             product_edges(t, f, row, to, k, s, 1 + 3 * g + s + 1, &own, far);
             if ((f->K > 1 || s == 1) && to < f->end) store_q(f, to, near_vector(f->K, k, s), far);
         }
@@ -523,7 +525,10 @@ LANES_INLINE void product_two(const tables *t, const fields *f, int row, int b, 
         const int to = group_row(t, row, b, c, g);
         lanes far[2][3];
         if (to < 0 || (row < f->first && to < f->first)) continue;
-        for (int k = 0; k < 2; k++) load_q(f, to, k, far[k]);
+        for (int k = 0; k < 2; k++) {
+            if (to < f->end) load_q(f, to, k, far[k]);
+            else far[k][0] = far[k][1] = far[k][2] = lanes_set(0);
+        }
         UNROLL(2)
         for (int k = 0; k < 2; k++) {
             UNROLL(3)

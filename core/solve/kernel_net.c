@@ -31,8 +31,9 @@ typedef struct tables {
     // Coarse level. coarse_cell: lowest coarse node of the cell that contains the nodes of a row; coarse_step: from a
     // coarse node to the next one along x, y, z, 0 along an axis with one; coarse_place: places in the cell, 0 to 1
     // along x, y, z, then 1 if there is a node.
-    int *coarse_cell, coarse_step[3], cell_count, *cell_first; // [cells + 1] first row of each cell
-    real *coarse_place;                                        // [rows][4][16]
+    int *coarse_cell, coarse_step[3];
+    int coarse_cells, *coarse_first; // number of coarse cells with nodes; [coarse_cells + 1] first row of each
+    real *coarse_place;              // [rows][4][16]
     // Gas. cells: number of cells, 0 without gas; sides: number of sides from a cell's first corner; corner
     // [batches of 16][4][16]: offsets of the corners' records; side [batches][3][x y z][16]: rest vectors of the sides;
     // inverse_volume: 1/V0; outside: P0; sixth: 1/6 for a tetrahedron, half the thickness for a triangle. The padding
@@ -146,7 +147,7 @@ static void fill_coarse(const kn_model *m, tables *t, char **next)
     const kn_coarse *c = m->coarse;
     if (!c) return;
     t->coarse_cell = take(next, (size_t)t->rows * sizeof(int));
-    t->cell_first = take(next, ((size_t)t->rows + 1) * sizeof(int));
+    t->coarse_first = take(next, ((size_t)t->rows + 1) * sizeof(int));
     t->coarse_place = take(next, 4 * (size_t)t->rows * KN_LANES * sizeof(real));
     for (int k = 0, step = 1; k < 3; step *= c->nodes[k++]) t->coarse_step[k] = c->nodes[k] > 1 ? step : 0;
     for (int i = 0; i < m->node_count; i++) {
@@ -159,8 +160,8 @@ static void fill_coarse(const kn_model *m, tables *t, char **next)
             t->coarse_place[(4 * row + k) * KN_LANES + lane % KN_LANES] = k < 3 ? (real)place[k] : 1;
     }
     for (int row = 0; row < t->rows; row++)
-        if (row == 0 || t->coarse_cell[row] != t->coarse_cell[row - 1]) t->cell_first[t->cell_count++] = row;
-    t->cell_first[t->cell_count] = t->rows;
+        if (row == 0 || t->coarse_cell[row] != t->coarse_cell[row - 1]) t->coarse_first[t->coarse_cells++] = row;
+    t->coarse_first[t->coarse_cells] = t->rows;
 }
 
 // Fill the tables of the cells.
@@ -674,14 +675,14 @@ static void restrict_loop(void *loop, int part)
     const job *j = loop;
     const kn_work *work = j->work;
     const tables *t = j->model->tables;
-    const range cells = range_of(work, t->cell_count, part);
+    const range cells = range_of(work, t->coarse_cells, part);
     for (int cell = cells.first; cell < cells.end; cell++) {
         real *to = (real *)work->cut + 24 * cell;
         lanes sum[8][3];
         for (int c = 0; c < 8; c++)
             for (int k = 0; k < 3; k++) sum[c][k] = lanes_set(0);
         // the rows of one cell follow one another
-        for (int row = t->cell_first[cell]; row < t->cell_first[cell + 1]; row++) {
+        for (int row = t->coarse_first[cell]; row < t->coarse_first[cell + 1]; row++) {
             lanes weight[8], r[3];
             corner_weights(t, row, weight);
             for (int k = 0; k < 3; k++) r[k] = free_value(work, work->r, row, k);
@@ -699,9 +700,9 @@ static void restriction(const kn_model *model, const kn_work *work)
     real *to = work->coarse;
     job j = {.model = model, .work = work};
     run(&j, restrict_loop);
-    for (int cell = 0; cell < t->cell_count; cell++)
+    for (int cell = 0; cell < t->coarse_cells; cell++)
         for (int c = 0; c < 8; c++, sum += 3)
-            for (int k = 0; k < 3; k++) to[corner_of(t, t->cell_first[cell], c) + k] += sum[k];
+            for (int k = 0; k < 3; k++) to[corner_of(t, t->coarse_first[cell], c) + k] += sum[k];
 }
 
 static void prolong_loop(void *loop, int part)

@@ -76,7 +76,7 @@ typedef struct fields { // the fields of a state and of the solver, with the typ
     const real *x, *v;
     real *u, *guess, *r, *q, *d, *z, *p, *g;
     const real *free;
-    real *aside; // room for a row of g: what is not for this part
+    real *aside; // memory for results that are the other part's: a row of g
 } fields;
 
 LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
@@ -334,7 +334,8 @@ static double coarse_solve(const kn_model *model, const kn_work *work)
 {
     job j = {.model = model, .work = work};
     lanes rz = lanes_set(0);
-    run(&j, coarse_loop);
+    if (model->coarse->padded > 6 * KN_LANES) run(&j, coarse_loop);
+    else coarse_loop(&j, 0); // a single part
     for (int v = 0; v < model->coarse->padded; v += 6 * KN_LANES)
         rz = lanes_add(rz, lanes_load((const real *)work->cut + v / 6));
     return lanes_sum(rz);

@@ -29,6 +29,23 @@ if grep -q ', memory locked' kneadd.log; then
 fi
 stop_kneadd
 
+# two threads step: the helper's priority and core, a press that replays with one, and settings that belong to the start
+start_kneadd dough.yaml --threads 2 --control "$PWD/control"
+if [ "$(nproc)" -gt 1 ]; then
+    check "two threads step the object" grep -q '^kneadd: two threads step the object$' kneadd.log
+    check "the helper runs on another core" [ "$(field helper 37)" != "$(field servo 37)" ]
+    ! grep -q '; SCHED_FIFO' kneadd.log || check "the helper has FIFO 60" [ "$(field helper 39) $(field helper 38)" = "1 60" ]
+else
+    check "a single core is told" grep -q '^kneadd: one thread steps the object, not two: only one processor$' kneadd.log
+fi
+$ahead knead probe --path press --record two.lcmlog --quiet >/dev/null 2>probe.err
+check "a press with two threads replays with one to the bit" verifies two.lcmlog
+expect 'another solver.threads' 2 knead ctl --control "$PWD/control" set solver.threads=1
+stop_kneadd
+start_kneadd dough-small.yaml --threads 2
+check "a small object has one thread" grep -q '^kneadd: one thread steps the object, not two: .*too small' kneadd.log
+stop_kneadd
+
 expect 'sometimes: expected --realtime auto, require or off' 2 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime sometimes
 if ! grep -q '; SCHED_FIFO' kneadd.log; then
     expect 'not real time: ' 3 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime require
