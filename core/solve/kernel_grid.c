@@ -461,14 +461,17 @@ LANES_INLINE void product_edges(const tables *t, const fields *f, int row, int t
     }
 }
 
+// Return a row of q, or `aside` for a row of the other part.
+LANES_INLINE real *row_q(const fields *f, int row) { return row < f->end ? f->q + at(f->K, row, 3, 0, 0) : f->aside; }
+
 // Load or store the three components of vector k of a row of q.
-LANES_INLINE void load_q(const fields *f, int row, int k, lanes q[3])
+LANES_INLINE void load_q(int K, const real *row, int k, lanes q[3])
 {
-    for (int c = 0; c < 3; c++) q[c] = lanes_load(f->q + at(f->K, row, 3, c, k));
+    for (int c = 0; c < 3; c++) q[c] = lanes_load(row + at(K, 0, 3, c, k));
 }
-LANES_INLINE void store_q(const fields *f, int row, int k, const lanes q[3])
+LANES_INLINE void store_q(int K, real *row, int k, const lanes q[3])
 {
-    for (int c = 0; c < 3; c++) lanes_store(f->q + at(f->K, row, 3, c, k), q[c]);
+    for (int c = 0; c < 3; c++) lanes_store(row + at(K, 0, 3, c, k), q[c]);
 }
 
 LANES_INLINE void load_own(const fields *f, int row, int k, products *own)
@@ -485,9 +488,9 @@ LANES_INLINE void product_along(const tables *t, const fields *f, int row, int k
 {
     lanes next[3];
     if (row < f->first) return;
-    load_q(f, row, near_vector(f->K, k, 1), next);
+    load_q(f->K, row_q(f, row), near_vector(f->K, k, 1), next);
     product_edges(t, f, row, row, k, 1, 0, own, next);
-    store_q(f, row, near_vector(f->K, k, 1), next);
+    store_q(f->K, row_q(f, row), near_vector(f->K, k, 1), next);
 }
 
 // Add the products of all forward edges of vector k of a row: first the edge within the row, then three edges to each
@@ -501,13 +504,13 @@ LANES_INLINE void product_one(const tables *t, const fields *f, int row, int b, 
         const int to = group_row(t, row, b, c, g);
         lanes far[3];
         if (to < 0 || (row < f->first && to < f->first)) continue;
-        if (to < f->end) load_q(f, to, near_vector(f->K, k, -1), far);
-        else far[0] = far[1] = far[2] = lanes_set(0);
+        real *q = row_q(f, to);
+        load_q(f->K, q, near_vector(f->K, k, -1), far);
         UNROLL(3)
         for (int s = -1; s <= 1; s++) {
-            if (f->K > 1 && s > -1 && to < f->end) load_q(f, to, near_vector(f->K, k, s), far);
+            if (f->K > 1 && s > -1) load_q(f->K, q, near_vector(f->K, k, s), far);
             product_edges(t, f, row, to, k, s, 1 + 3 * g + s + 1, &own, far);
-            if ((f->K > 1 || s == 1) && to < f->end) store_q(f, to, near_vector(f->K, k, s), far);
+            if (f->K > 1 || s == 1) store_q(f->K, q, near_vector(f->K, k, s), far);
         }
     }
     for (int i = 0; i < 3 && row >= f->first; i++) store_add(f->q + at(f->K, row, 3, i, k), own.q[i]);
@@ -525,17 +528,15 @@ LANES_INLINE void product_two(const tables *t, const fields *f, int row, int b, 
         const int to = group_row(t, row, b, c, g);
         lanes far[2][3];
         if (to < 0 || (row < f->first && to < f->first)) continue;
-        for (int k = 0; k < 2; k++) {
-            if (to < f->end) load_q(f, to, k, far[k]);
-            else far[k][0] = far[k][1] = far[k][2] = lanes_set(0);
-        }
+        real *q = row_q(f, to);
+        for (int k = 0; k < 2; k++) load_q(2, q, k, far[k]);
         UNROLL(2)
         for (int k = 0; k < 2; k++) {
             UNROLL(3)
             for (int s = -1; s <= 1; s++)
                 product_edges(t, f, row, to, k, s, 1 + 3 * g + s + 1, &own[k], far[near_vector(2, k, s)]);
         }
-        for (int k = 0; k < 2 && to < f->end; k++) store_q(f, to, k, far[k]);
+        for (int k = 0; k < 2; k++) store_q(2, q, k, far[k]);
     }
     for (int k = 0; k < 2 && row >= f->first; k++)
         for (int i = 0; i < 3; i++) store_add(f->q + at(2, row, 3, i, k), own[k].q[i]);
