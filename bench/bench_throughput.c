@@ -6,58 +6,16 @@
 #include <limits.h>
 #include <string.h>
 
-// --- numbers for --csv ----------------------------------------------------------------------------------------------
-
-typedef struct entry {
-    char table[16], object[48], kernel[16], name[40];
-    double value;
-} entry;
-
-static entry entries[2000];
-static int entry_count;
-
-void note(const char *table, const char *object, const char *kernel, const char *name, double value)
-{
-    if (entry_count == sizeof entries / sizeof *entries) abort();
-    entry *e = &entries[entry_count++];
-    snprintf(e->table, sizeof e->table, "%s", table);
-    snprintf(e->object, sizeof e->object, "%s", object);
-    snprintf(e->kernel, sizeof e->kernel, "%s", kernel);
-    snprintf(e->name, sizeof e->name, "%s", name);
-    e->value = value;
-}
-
-static void print_csv(FILE *f)
-{
-    fprintf(f, "table,object,kernel,name,value\n");
-    for (int i = 0; i < entry_count; i++)
-        fprintf(f, "%s,\"%s\",%s,%s,%.6g\n", entries[i].table, entries[i].object, entries[i].kernel, entries[i].name,
-                entries[i].value);
-}
-
-static int write_csv(const char *path)
-{
-    FILE *f = path ? fopen(path, "w") : NULL;
-    if (!path) return 0;
-    if (f) print_csv(f);
-    if (f && !fclose(f)) return 0;
-    perror(path);
-    return 3;
-}
-
-// --- the command ----------------------------------------------------------------------------------------------------
-
 #define TABLES "lattices,threads,nets,features,composite,integers,peer"
 static const char usage[] = "usage: bench/throughput [options]\n"
                             "  --only TABLES  all, or some of " TABLES ",errors\n"
                             "                 (default: all but errors, which takes minutes)\n"
                             "  --nodes N      leave out lattices and nets of more than N nodes (default: 20000)\n"
-                            "  --quick        fewer rounds, and no lattice or net of more than 2560 nodes\n"
-                            "  --csv FILE     write every number of the tables as CSV, one per line\n";
+                            "  --quick        fewer rounds, and no lattice or net of more than 2560 nodes\n";
 
 typedef struct options {
     throughput_options tables;
-    const char *only, *csv;
+    const char *only;
 } options;
 
 static const struct {
@@ -93,7 +51,6 @@ int main(int argc, char **argv)
         KN_OPTION("only", SPECIAL, .offset = offsetof(options, only), .take = take_only),
         KN_OPTION("nodes", INTEGER, .offset = offsetof(options, tables.nodes_max), KN_RANGE(1, INT_MAX)),
         KN_OPTION("quick", FLAG, .offset = offsetof(options, tables.quick)),
-        KN_OPTION("csv", TEXT, .offset = offsetof(options, csv)),
     };
     static const kn_option_table options_table = {KN_OPTION_ROWS(rows), .program = "bench_throughput", .help = usage};
     options o = {.only = TABLES, .tables.nodes_max = 20000};
@@ -108,5 +65,5 @@ int main(int argc, char **argv)
          "time      processor time of the thread: for each tick, the smallest time in several rounds\n```\n");
     for (int i = 0; i < COUNT; i++)
         if (wanted(o.only, table[i].name)) table[i].print(&o.tables);
-    return write_csv(o.csv);
+    return 0;
 }

@@ -50,7 +50,7 @@ kn_state *turns_warm(const kn_model_def *def, hand_fn *hand, int ticks);
 // Return `def`, changed so that every step makes this number of solver iterations, whatever the residual is.
 kn_model_def turns_fixed(kn_model_def def, int iterations);
 
-// ---- tables: each function prints a table as markdown and records its numbers for --csv
+// ---- tables: each function prints a table as markdown
 
 typedef struct throughput_options {
     bool quick;    // true: fewer ticks and rounds, less accurate times
@@ -65,10 +65,6 @@ void table_composite(const throughput_options *o);
 void table_integers(const throughput_options *o);
 void table_peer(const throughput_options *o); // without another engine at the build: prints one line
 void table_errors(const throughput_options *o);
-
-// Record one number for --csv. object: the lattice, net or feature that was measured. kernel: name of the
-// kernel, or "". name: name of the number, with its unit.
-void note(const char *table, const char *object, const char *kernel, const char *name, double value);
 
 // ---- shared by the tables
 

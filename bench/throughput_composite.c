@@ -73,10 +73,6 @@ static void row(const place *p, const kn_model_def *composite, const throughput_
     printf("| %-26s | %5d | %5d | %5.1f | %5.1f | %6.0f | %6.0f | %5.2f | %6.2f | %6.2f |\n", p->name,
            m->node_count - kn_composite_tied(m), m->grid.nodes, s[0].mean_iterations, s[1].mean_iterations,
            s[0].mean_us, s[1].mean_us, s[0].mean_us / s[1].mean_us, 100 * force, 100 * shape);
-    note("composite", p->name, "", "mean_us", s[0].mean_us);
-    note("composite", p->name, "", "uniform_mean_us", s[1].mean_us);
-    note("composite", p->name, "", "force_percent", 100 * force);
-    note("composite", p->name, "", "shape_percent", 100 * shape);
     turns_free(r, 2);
     for (int i = 0; i < 2; i++) {
         turns_destroy(&r[i]);

@@ -11,11 +11,6 @@ static void print_error(const char *object, const char *kernel, const run *fast,
     double force = 100 * force_error(fast, reference), shape = 100 * shape_error(fast, reference);
     printf("| %-9s | %-9s | %8.3f | %8.3f | %5.2f | %5.1f | %6ld |\n", object, kernel, force, shape, variation(fast),
            fast->mean_iterations, fast->secant_steps);
-    note("errors", object, kernel, "force_percent", force);
-    note("errors", object, kernel, "shape_percent", shape);
-    note("errors", object, kernel, "variation_over_peak", variation(fast));
-    note("errors", object, kernel, "iterations_mean", fast->mean_iterations);
-    note("errors", object, kernel, "secant_steps", (double)fast->secant_steps);
 }
 
 // Print the errors of one object in f32 and, if it contains no gas, in f64.
@@ -50,8 +45,6 @@ static void print_time_step_error(void)
     double force = 100 * force_error(&coarse, &fine), shape = 100 * shape_error(&coarse, &fine);
     printf("\nError of a time step of 1 ms (144 nodes, compared with 1/16 ms): force %.3f %%, shape %.3f %%.\n", force,
            shape);
-    note("errors", "step 1 ms", "", "force_percent", force);
-    note("errors", "step 1 ms", "", "shape_percent", shape);
     run_free(&coarse);
     run_free(&fine);
 }

@@ -40,9 +40,6 @@ static void measure(int per_cm, const throughput_options *o)
     puts("");
     char name[32];
     snprintf(name, sizeof name, "%d", m->node_count);
-    note("integers", name, "auto f32", "median_us", real.median_us);
-    note("integers", name, "fixed", "median_us", whole.median_us);
-    note("integers", name, "circuit", "clocks", clocks);
     turns_free(r, 2);
     for (int i = 0; i < 2; i++) turns_destroy(&r[i]);
 }

@@ -72,9 +72,6 @@ static void print_apart(const measured *m)
     printf("| %5d | %-10s |%6.1f |%6.1f |%6.1f |%6.2f |%5.2f |%5.2f |%6.3f |\n", m->nodes, kernel, edge_us,
            edge_us * 1e3 / m->nodes, edge_us * 1e3 / m->lanes, us, us * 1e3 / m->nodes, us * 1e3 / m->lanes,
            us * 1e3 / m->edges);
-    note("lattices", m->object, kernel, "edge_us", edge_us);
-    note("lattices", m->object, kernel, "iteration_us", us);
-    note("lattices", m->object, kernel, "iteration_ns_per_edge", us * 1e3 / m->edges);
 }
 
 static void print_pressed(const measured *m)
@@ -83,12 +80,6 @@ static void print_pressed(const measured *m)
     printf("| %5d | %-10s | %5.1f | %3d | %8.1f | %8.1f | %8.1f | %6.1f |\n", m->nodes, kernel_name(&m->def),
            s->mean_iterations, s->median_iterations, s->median_us, s->mean_us, s->p90_us,
            s->median_us * 1e3 / m->nodes);
-    const char *kernel = kernel_name(&m->def);
-    note("press", m->object, kernel, "iterations_mean", s->mean_iterations);
-    note("press", m->object, kernel, "iterations_median", s->median_iterations);
-    note("press", m->object, kernel, "median_us", s->median_us);
-    note("press", m->object, kernel, "mean_us", s->mean_us);
-    note("press", m->object, kernel, "p90_us", s->p90_us);
 }
 
 void table_lattices(const throughput_options *o)

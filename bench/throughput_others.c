@@ -49,11 +49,6 @@ static void print_net(const net *n, const kn_model_def *def, const taken_apart *
            n->mesh->node_count, n->edges, kernel_name(def), took->edge_us, took->edge_us * 1e3 / nodes,
            took->edge_us * 1e3 / edges, took->iteration_us, took->iteration_us * 1e3 / nodes,
            took->iteration_us * 1e3 / edges, s->mean_iterations, s->median_us);
-    note("nets", n->name, kernel_name(def), "edge_us", took->edge_us);
-    note("nets", n->name, kernel_name(def), "iteration_us", took->iteration_us);
-    note("nets", n->name, kernel_name(def), "iteration_ns_per_edge", took->iteration_us * 1e3 / edges);
-    note("nets", n->name, kernel_name(def), "iterations_mean", s->mean_iterations);
-    note("nets", n->name, kernel_name(def), "median_us", s->median_us);
 }
 
 static void measure_net(const net *n, int rounds)
@@ -188,9 +183,6 @@ void table_features(const throughput_options *o)
         if (i == VOIGT) printf("       |");
         else printf("%+6.1f |", s[i].median_us - s[f[i].over].median_us);
         printf(" %9.0f |\n", kib);
-        note("features", f[i].name, "", "median_us", s[i].median_us);
-        note("features", f[i].name, "", "more_us", s[i].median_us - s[f[i].over].median_us);
-        note("features", f[i].name, "", "state_kib", kib);
     }
     turns_free(r, FEATURES);
     for (int i = 0; i < FEATURES; i++) turns_destroy(&r[i]);

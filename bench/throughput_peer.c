@@ -183,9 +183,6 @@ void table_peer(const throughput_options *o)
         const double peak = i < 2 ? peaks[i] : rivals[i].peak_n;
         if (i == 0) ours = s.median_us;
         printf("| %-32s | %7.1f | %13.1fx | %7.2f |\n", name[i], s.median_us, s.median_us / ours, peak);
-        note("peer", name[i], "", "median_us", s.median_us);
-        note("peer", name[i], "", "ratio", s.median_us / ours);
-        note("peer", name[i], "", "peak_n", peak);
     }
     turns_free(r, count);
     for (int i = 0; i < 2; i++) turns_destroy(&r[i]);

@@ -48,7 +48,7 @@ static double row(const kn_model_def *def, kn_team *team, double most_us, double
                   const throughput_options *o)
 {
     static pressed p;
-    char object[48], kernel[16];
+    char object[48];
     deadline = (int64_t)(most_us * units_per_us);
     runner r = turns_knead(def, hand, NULL, 0);
     turns_team(&r, team);
@@ -58,14 +58,8 @@ static double row(const kn_model_def *def, kn_team *team, double most_us, double
     const double force = 100 * relative_error((const double(*)[3])p.force_n, exact->force_n, PRESS_TICKS);
     snprintf(object, sizeof object, "%d%s", def->nodes[0] * def->nodes[1] * def->nodes[2],
              def->pressure == KN_PRESSURE_NONE ? "" : " gas");
-    snprintf(kernel, sizeof kernel, "%d at %.2f ms", team ? 2 : 1, 1e-3 * most_us);
     printf("| %-9s | %7d | %8.2f | %6.0f | %6.0f | %6.0f | %6d | %8.3f |\n", object, team ? 2 : 1, 1e-3 * most_us,
            r.us[PRESS_TICKS / 2], r.us[PRESS_TICKS * 9 / 10], r.us[PRESS_TICKS * 99 / 100], p.capped, force);
-    note("threads", object, kernel, "median_us", r.us[PRESS_TICKS / 2]);
-    note("threads", object, kernel, "p90_us", r.us[PRESS_TICKS * 9 / 10]);
-    note("threads", object, kernel, "p99_us", r.us[PRESS_TICKS * 99 / 100]);
-    note("threads", object, kernel, "capped", p.capped);
-    note("threads", object, kernel, "force_percent", force);
     turns_free(&r, 1);
     turns_destroy(&r);
     return p.units_per_us;
