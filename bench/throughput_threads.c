@@ -1,5 +1,5 @@
-// Table of steps with one thread and with two, and of what a deadline cuts off. Here the second thread spins all the
-// time, so nothing shows of the time in which it wakes.
+// Table of steps with one thread and with two, and of the error that a deadline causes. The second thread is awake all
+// the time here, so the table does not show how long it takes to wake.
 #include "bench/throughput.h"
 #include "core/algebra/algebra.h"
 #include "server/team.h"
@@ -73,12 +73,12 @@ void table_threads(const throughput_options *o)
     kn_helper *helper = kn_helper_create(why, sizeof why);
     kn_team *team = kn_helper_wake(helper);
     kn_rt_move(KN_RT_CPU_SERVO);
-    printf("\nOne thread and two%s%s: us per step over the whole press. deadline: of a step, in units of work that "
-           "take this\n"
-           "many ms with these threads; kneadd gives a step 0.56 ms. capped: ticks that ended before the tolerance. "
-           "force:\n"
-           "error beside linear systems solved in f64 to a millionth, relative L2.\n\n",
-           helper ? "" : ", but no second thread: ", why);
+    puts("\nSteps with one thread and with two, us, over the whole press. deadline: limit of a step's work, told as "
+         "the time\n"
+         "that this work takes with these threads, ms; kneadd sets 0.56 ms; 0: none. capped: ticks that ended before "
+         "the\n"
+         "tolerance was met. force: relative L2 error beside linear systems that are solved in f64 to a millionth.\n");
+    if (!helper) printf("No second thread: %s.\n\n", why);
     puts("| nodes     | threads | deadline | median |    p90 |    p99 | capped |  force % |\n"
          "|----------:|--------:|---------:|-------:|-------:|-------:|-------:|---------:|");
     for (int i = 0; i < 8; i++) {

@@ -35,7 +35,7 @@ typedef struct kn_scene {
     kn_point point[KN_QUALITIES];
     kn_quality quality; // chosen quality point; its values are in `model`
     double budget_s;    // time budget of a tick, from reading poses to publishing forces: see servo.h
-    int threads;        // threads of a step: 2, or 0 or 1 for one
+    int threads;        // number of threads of a step, 1 or 2; 0: not given, 1
     double accuracy;    // relative error of the force that coarse cells away from the tools may cause; 0: no such cells
     kn_device_def device; // haptic device: profile touch, falcon, omega, unknown, or bench for the virtual hand
     kn_safety_limits limits;
