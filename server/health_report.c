@@ -378,6 +378,9 @@ static void tell_summary(kn_health_check *c, FILE *out)
                 "kneadd: phase lock: %" PRId64 " ticks with a tool to follow, %" PRId64
                 " of them in step with the tool's poses, %" PRId64 " held back for a late pose\n",
                 c->loop->phase.driven, c->loop->phase.followed, c->loop->phase.held);
+    if (c->served->helper)
+        fprintf(out, "kneadd: the second thread was in time for %.0f %% of its work\n",
+                100 * kn_helper_share(c->served->helper));
 }
 
 // Print a text in whole lines, even if tell() writes a line in several pieces.
