@@ -154,7 +154,7 @@ void table_peer(const throughput_options *o)
     runner r[PEERS] = {turns_knead(&dough_def, press_hand, NULL, 0), turns_knead(&voigt, press_hand, NULL, 0)};
     int count = 2;
 #if KN_PEER_BULLET
-    printf("\n%s: deformable body. ", peer_bullet.name);
+    printf("\n%s: deformable body.", peer_bullet.name);
     name[count] = "Bullet, elastic, 2 x 0.5 ms";
     r[count] = rival_runner(&rivals[count], &peer_bullet, model, 0, true, 2), count++;
     name[count] = "Bullet, damped in 3 directions";
@@ -163,14 +163,14 @@ void table_peer(const throughput_options *o)
     r[count] = rival_runner(&rivals[count], &peer_bullet, model, tau_s, true, 1), count++;
 #endif
 #if KN_PEER_VEGA
-    printf("\n%s: mass-spring system, implicit backward Euler. ", peer_vega.name);
+    printf("\n%s: mass-spring system, implicit backward Euler.", peer_vega.name);
     name[count] = "Vega FEM, damped along the links";
     r[count] = rival_runner(&rivals[count], &peer_vega, model, tau_s, true, 1), count++;
 #endif
     turns_run(r, count, PEER_TICKS, o->quick ? 1 : 3);
     const peer_block *b = &rivals[2].block;
     printf(
-        "\nThis block has %d nodes and %d links. Each link has a stiffness of %.1f N/m and a damping of %.2f s times\n"
+        "\n\nThe block has %d nodes and %d links. Each link has a stiffness of %.1f N/m and a damping of %.2f s times\n"
         "this stiffness. The first 0.3 s of the press, in ticks of 1 ms. knead has its default settings. peak: "
         "largest\n"
         "force.\n\n",
