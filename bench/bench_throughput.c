@@ -49,7 +49,8 @@ int main(int argc, char **argv)
 {
     static const kn_option rows[] = {
         KN_OPTION("only", SPECIAL, .offset = offsetof(options, only), .take = take_only),
-        KN_OPTION("nodes", INTEGER, .offset = offsetof(options, tables.nodes_max), KN_RANGE(1, INT_MAX)),
+        KN_OPTION("nodes", INTEGER, .offset = offsetof(options, tables.nodes_max), KN_RANGE(1, INT_MAX),
+                  .expected = "a positive whole number"),
         KN_OPTION("quick", FLAG, .offset = offsetof(options, tables.quick)),
     };
     static const kn_option_table options_table = {KN_OPTION_ROWS(rows), .program = "bench_throughput", .help = usage};

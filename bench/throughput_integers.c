@@ -38,8 +38,6 @@ static void measure(int per_cm, const throughput_options *o)
            clocks);
     for (size_t i = 0; i < sizeof mhz / sizeof *mhz; i++) printf(" %6.0f |", clocks / mhz[i]);
     puts("");
-    char name[32];
-    snprintf(name, sizeof name, "%d", m->node_count);
     turns_free(r, 2);
     for (int i = 0; i < 2; i++) turns_destroy(&r[i]);
 }

@@ -15,7 +15,6 @@ static const lattice lattices[] = {{{6, 6, 4}, 0.01},
 enum { LATTICES = sizeof lattices / sizeof *lattices };
 
 typedef struct measured { // results of one lattice with one kernel
-    char object[16];
     kn_model_def def;
     int nodes, edges, lanes; // lanes: nodes and the padding of the vectors
     taken_apart took;
@@ -26,7 +25,6 @@ static void describe(measured *m, const kn_model_def *def)
 {
     kn_model *model = build(def);
     *m = (measured){.def = *def, .nodes = model->node_count, .edges = kn_grid_edges(&model->grid, NULL)};
-    snprintf(m->object, sizeof m->object, "%d", m->nodes);
     m->lanes = model->grid.rows * model->grid.vectors * KN_LANES;
     kn_model_destroy(model);
 }

@@ -339,7 +339,8 @@ static size_t cell_reals(const kn_model *m)
     return m->def.mesh ? 16 * kn_work_cells(m) : kn_model_field(m, m->grid.flat ? 8 : 24);
 }
 
-// Return the number of reals of kn_work.cut. Each of its uses needs less than the sum.
+// Return the number of reals of kn_work.cut, see kernel.h. coarse_solve needs 16 for every 6 vectors of the coarse
+// level, less than the rest.
 static size_t cut_reals(const kn_model *m)
 {
     size_t rows = m->composite || m->def.mesh ? 0 : (size_t)m->grid.len[1];

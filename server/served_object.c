@@ -249,8 +249,8 @@ void kn_served_object_help(kn_served_object *served)
     if (!s->helper || kn_helper_join(s->helper, &s->backend, s->model)) return;
     kn_helper_destroy(s->helper);
     s->helper = NULL;
-    kn_helper_join(NULL, &s->backend, s->model);
-    snprintf(s->alone, sizeof s->alone, "the object is too small, or a circuit or integers step it");
+    const bool implicit = s->model->def.solver.kind == KN_SOLVER_IMPLICIT;
+    snprintf(s->alone, sizeof s->alone, "%s", implicit ? "the object is too small" : "expected solver.kind implicit");
 }
 
 void kn_served_object_free(kn_served_object *served)

@@ -34,15 +34,16 @@ typedef struct kn_served_object {
 int kn_served_object_load(kn_served_object *served, const kn_served_object_def *def, char *error, size_t error_size);
 // Create the second thread of a step if the scene asks for it.
 void kn_served_object_help(kn_served_object *served);
-// Measure the time of one tick with one thread on this machine, ns. If `pressed` is NULL,
-// nothing touches the object. Otherwise `pressed` must be the model that the backend steps, and all tools press the
-// object. A step on this processor is measured in processor time, which other processes do not lengthen. A step on a
-// circuit is measured until the answer arrives. The object is reset afterwards.
+// Measure the time of one tick with one thread on this machine, ns. If `pressed` is NULL, nothing touches the object.
+// Otherwise `pressed` must be the model that the backend steps, and all tools press the object. A step on this
+// processor is measured in processor time, which other processes do not lengthen. A step on a circuit is measured until
+// the answer arrives. The object is reset afterwards.
 int64_t kn_served_object_measure(kn_backend *backend, const kn_model *pressed);
-// Return the deadline of a step with one thread or, with `helper`, two, in units of work (core/solve/step_effort.h), such that a step ends within
+// Return the deadline of a step, in units of work (core/solve/step_effort.h), such that a step ends within
 // KN_STEP_SHARE of `budget_s` on this machine. The time of a unit is measured while all tools of `model` hit the object
-// at 5 cm/s. `model` must be the model that the backend steps. The deadline is never
-// below the units of the shortest step. Return 0 if the solver has no deadline. The object is reset afterwards.
+// at 5 cm/s. `helper`: second thread of a step; NULL: none. `model` must be the model that the backend steps. The
+// deadline is never below the units of the shortest step. Return 0 if the solver has no deadline. The object is reset
+// afterwards.
 int64_t kn_served_object_deadline(kn_backend *backend, kn_helper *helper, const kn_model *model, double budget_s);
 // Return the duration of the longest tick while all tools of `model` hit the object at 5 cm/s, ns. `deadline`: largest
 // number of units of work per step; 0: no deadline. `helper`: second thread of a step; NULL: none.

@@ -17,14 +17,14 @@ typedef struct kn_helper kn_helper;
 // Create the helper, at normal priority, on another processor than the servo. Return NULL and put the reason in `why`
 // if there is no second processor, if memory is short, or if the thread cannot be started.
 kn_helper *kn_helper_create(char *why, size_t why_size);
-// Give the helper its real-time priority (rt.h), if the machine grants it.
+// Give the helper its real-time priority (rt.h), if the machine grants it. `helper` may be NULL.
 void kn_helper_raise(kn_helper *helper, const kn_rt *rt);
-void kn_helper_destroy(kn_helper *helper);
+void kn_helper_destroy(kn_helper *helper); // does nothing if `helper` is NULL
 
 // Make the helper's team that of a backend's steps; NULL: none. Return whether it takes part (kn_scratch_team).
 bool kn_helper_join(kn_helper *helper, kn_backend *backend, const kn_model *model);
-// Wake the helper before a tick, and let it sleep after it. Return the helper's team. These functions are real-time safe
-// and do nothing if `helper` is NULL.
+// Wake the helper before a tick and return its team; let it sleep after the tick. Both are real-time safe, and do
+// nothing if `helper` is NULL.
 kn_team *kn_helper_wake(kn_helper *helper);
 void kn_helper_rest(kn_helper *helper);
 

@@ -156,7 +156,7 @@ LANES_INLINE void cell_add(const tables *t, const fields *f, real *kept, int row
     // for each row of corners: add the forces and the diagonal blocks, and store g
     for (int r = 0; r < 1 << (dims - 1); r++) {
         lanes g[2][3];
-        const bool mine = to[r] >= f->first && to[r] < f->end;
+        const bool mine = is_mine(f, to[r]);
         for (int c = 0; c < dims; c++) {
             for (int end = 0; end < 2; end++) {
                 g[end][c] = lanes_mul(root, x.slope[2 * r + end][c]);
@@ -188,7 +188,7 @@ LANES_INLINE lanes cell_product(const tables *t, const fields *f, const real *ke
             rate = lanes_fma(lanes_load(g + step * (size_t)(i * dims + c)),
                              cell_end(f->K, f->d, to[i >> 1], t->cell_axis[c], k, i & 1), rate);
     for (int r = 0; r < 1 << (dims - 1); r++)
-        for (int c = 0; c < dims && to[r] >= f->first && to[r] < f->end; c++)
+        for (int c = 0; c < dims && is_mine(f, to[r]); c++)
             add_ends(f->K, f->q, to[r], 3, t->cell_axis[c], k,
                      lanes_mul(lanes_load(g + step * (size_t)(2 * r * dims + c)), rate),
                      lanes_mul(lanes_load(g + step * (size_t)((2 * r + 1) * dims + c)), rate));

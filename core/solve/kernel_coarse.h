@@ -127,7 +127,7 @@ static void restriction(const kn_model *model, const kn_work *work)
     const transfer x = transfer_of(model, work, t->vectors);
     run(&j, restrict_loop);
     const size_t from = (size_t)x.first[1] * x.row, to = (size_t)(x.last[1] + 1) * x.row;
-
+    // add the planes to the coarse planes, in their order
     for (int c = x.first[2]; c <= x.last[2]; c++)
         memset(x.sums + (size_t)c * x.plane + from, 0, (to - from) * sizeof(real));
     for (int c = 0; c < t->planes; c++) {

@@ -339,7 +339,7 @@ LANES_INLINE void edge_row(const kn_model *model, const tables *t, const fields 
         int to = group_row(t, row, b, c, g);
         if (to < 0) continue;
         edges x = {.row = row, .to = to, .k = k, .moved = work->row_moved[row] || work->row_moved[to]};
-        const bool mine = to >= f->first && to < f->end;
+        const bool mine = is_mine(f, to);
         if (row < f->first && !mine) continue;
         x.g = row < f->first ? f->aside : f->g + at(f->K, row, LEAN ? KN_FORWARD : 3 * KN_FORWARD, 0, 0);
         x.r = mine ? f->r + at(f->K, to, 3, 0, 0) : f->aside;

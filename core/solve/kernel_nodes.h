@@ -53,7 +53,7 @@ LANES_INLINE range rows_of(const job *j, int part)
     return (range){first < rows ? first : rows, end < rows ? end : rows};
 }
 
-static void run(job *j, void (*loop)(void *job, int part))
+static void run(job *j, kn_team_work *loop)
 {
     if (j->work->team) j->work->team->run(j->work->team, loop, j);
     else loop(j, 0);
@@ -72,12 +72,14 @@ LANES_INLINE void store_add(real *p, lanes a) { lanes_store(p, lanes_add(lanes_l
 typedef struct fields { // the fields of a state and of the solver, with the type `real`
     // K: number of vectors per row. If K is a constant 1, the compiler removes the branches from the loops.
     int K;
-    int first, end; // rows of this part; the others must not be written
+    int first, end; // rows of this part; a part writes to no other rows
     const real *x, *v;
     real *u, *guess, *r, *q, *d, *z, *p, *g;
     const real *free;
     real *aside; // memory for results that are the other part's: a row of g
 } fields;
+
+LANES_INLINE bool is_mine(const fields *f, int row) { return row >= f->first && row < f->end; }
 
 LANES_INLINE fields fields_of(const kn_state *state, const kn_work *work, int K)
 {

@@ -116,6 +116,10 @@ grep -q "^warning *gas does not resist shear" out || fail "no warning of gas in 
 reports "^warning *one pressure for the object" "$pressure" --set object.pressure=object
 reports "^object *flat, 50 x 30 mm, 10 mm thick, spacing 5 mm: 11 x 7 = 77 nodes, 256 edges" "$dough" --set object.size='[5 cm, 3 cm]' --set object.thickness='1 cm'
 
+# What a second thread would bring here.
+reports "^threads  *\(with solver.threads 2\|one: only one processor\)" "$pressure"
+reports "^threads  *one: \(the object is too small for a second one\|only one processor\)" "$KN_SOURCE/core/scenes/dough-small.yaml"
+
 # The text written out parses to the same scene.
 knead check "$dough" --text >dough-diagonals.yaml && knead check dough-diagonals.yaml --text | cmp -s - dough-diagonals.yaml || fail "--text of a scene written by --text is different"
 untimed() { knead check "$1" | grep -v -e ^deadline -e ^threads -e 'the shortest step takes longer than 1 ms here'; } # both depend on other load

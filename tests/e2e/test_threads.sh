@@ -38,7 +38,7 @@ if [ "$(nproc)" -gt 1 ]; then
 else
     check "a single core is told" grep -q '^kneadd: one thread steps the object, not two: only one processor$' kneadd.log
 fi
-$ahead knead probe --path press --record two.lcmlog --quiet >/dev/null 2>probe.err
+$ahead knead probe --path poke --record two.lcmlog --quiet >/dev/null 2>probe.err
 check "a press with two threads replays with one to the bit" verifies two.lcmlog
 expect 'another solver.threads' 2 knead ctl --control "$PWD/control" set solver.threads=1
 stop_kneadd
