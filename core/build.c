@@ -456,7 +456,8 @@ kn_scratch *kn_scratch_create(const kn_model *model)
 
 bool kn_scratch_team(const kn_model *model, kn_scratch *scratch, kn_team *team)
 {
-    scratch->work.team = model->def.solver.kind == KN_SOLVER_IMPLICIT ? kn_work_team(model, team) : NULL;
+    scratch->work.team =
+        model->def.solver.kind == KN_SOLVER_IMPLICIT ? kn_work_team(model, team, team ? team->least : 0) : NULL;
     return scratch->work.team;
 }
 

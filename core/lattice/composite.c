@@ -209,21 +209,31 @@ static int nodes_around(const kn_model *m, const int at[3], int node[8])
 static void tie_node(kn_model *m, int node, const int *master, int count)
 {
     kn_composite *c = m->composite;
-    kn_tie *tie = &c->tie[c->tie_first[c->part_count]++];
-    *tie = (kn_tie){.node = m->offset[node], .count = count};
-    for (int i = 0; i < count; i++) tie->master[i] = m->offset[master[i]];
+    kn_tie *tie = &c->tie[c->ties];
+    *tie = (kn_tie){.node = (unsigned)m->offset[node], .count = count};
+    for (int i = 0; i < count; i++) {
+        tie->master[i] = (unsigned)m->offset[master[i]];
+        c->pull[c->pulls++] = (kn_pull){tie->master[i], tie->node, 1.0F / (float)count};
+        m->top_share[master[i]] += m->top_share[node] / count;
+    }
+    c->ties++;
     m->support[node] = 7; // the solver treats a tied node as held, because the node follows its masters
-    for (int i = 0; i < count; i++) m->top_share[master[i]] += m->top_share[node] / count;
     m->top_share[node] = 0;
 }
 
-// Tie all nodes that share a place with an earlier node or lie on the box's faces. The ties of a node come after the
-// ties of its masters. During this function, m->top_share is indexed by node.
+static int by_master(const void *a, const void *b)
+{
+    const kn_pull *p = a, *q = b;
+    return p->master != q->master ? (p->master > q->master) - (p->master < q->master)
+                                  : (p->node > q->node) - (p->node < q->node);
+}
+
+// Tie all nodes that share a place with an earlier node or lie on the box's faces. During this function,
+// m->top_share is indexed by node.
 static void tie_all(kn_model *m)
 {
     kn_composite *c = m->composite;
-    for (int p = 0; p < c->part_count; p++) {
-        c->tie_first[p] = c->tie_first[c->part_count];
+    for (int p = 0; p < c->part_count; p++)
         for (int i = 0; i < c->part[p].grid.nodes; i++) {
             int at[3], node = c->node_first[p] + i, master[8];
             place_of(c, p, i, at);
@@ -234,6 +244,11 @@ static void tie_all(kn_model *m)
             else if (coarse) tie_node(m, node, even_place(m, at), 1);
             else if (!is_inside(m, at)) tie_node(m, node, master, nodes_around(m, at, master));
         }
+    qsort(c->pull, (size_t)c->pulls, sizeof *c->pull, by_master);
+    for (int p = 0, i = 0; p < c->part_count; p++) {
+        const size_t end = (size_t)c->row_first[p + 1] * 3 * m->stride;
+        while (i < c->pulls && c->pull[i].master < end) i++;
+        c->pull_first[p + 1] = i;
     }
 }
 
@@ -254,7 +269,7 @@ size_t kn_composite_bytes(const kn_model *model)
     if (!c) return 0;
     for (int k = 0; k < 3; k++) places *= (size_t)model->def.nodes[k] / 2 + 1;
     for (int p = 0; p < c->part_count; p++) bytes += sizeof c->part[p] + c->inside->tables_size(&c->part[p]);
-    return bytes + places * sizeof *c->place + (size_t)model->node_count * sizeof *c->tie;
+    return bytes + places * sizeof *c->place + (size_t)model->node_count * (sizeof *c->tie + 4 * sizeof *c->pull);
 }
 
 int kn_composite_edges(const kn_model *model)
@@ -265,10 +280,7 @@ int kn_composite_edges(const kn_model *model)
     return count;
 }
 
-int kn_composite_tied(const kn_model *model)
-{
-    return model->composite ? model->composite->tie_first[model->composite->part_count] : 0;
-}
+int kn_composite_tied(const kn_model *model) { return model->composite ? model->composite->ties : 0; }
 
 // --- faces -----------------------------------------------------------------------------------------------------------
 
@@ -303,55 +315,59 @@ static void build_faces(kn_model *m)
 
 // --- kernels: those of the parts, and the exchange between tied nodes and their masters -----------------------------
 
+// Return the offset in a field of n components of what is at offset3 in a field of 3.
+static inline size_t offset_of(size_t offset3, size_t n, size_t stride)
+{
+    return offset3 + (n == 3 ? 0 : offset3 / (3 * stride) * 3 * stride);
+}
+
 // Exchange between tied nodes and their masters. This macro holds the source for both precisions.
 //
 // spread: set a field at each tied node to the mean of its masters' values.
-// gather: add the forces on a part's tied nodes to their masters in equal shares, and clear them at the tied nodes.
+// gather: add the forces on tied nodes to their masters in equal shares.
 // gather_blocks: add share^2 times the diagonal block of each tied node to the blocks of its masters. The blocks
 // between two neighbours that are tied to one master are left out. The sum is therefore up to an eighth too stiff,
 // which is good enough for a preconditioner.
+// clear: clear the forces on tied nodes.
 #define TIES(real)                                                                                                     \
-    static void spread_##real(const kn_composite *c, size_t stride, void *field)                                       \
+    static void spread_##real(const kn_composite *c, size_t stride, real *v)                                           \
     {                                                                                                                  \
-        real *v = field;                                                                                               \
-        for (int t = 0; t < c->tie_first[c->part_count]; t++) {                                                        \
-            const kn_tie *tie = &c->tie[t];                                                                            \
-            const real share = tie->count == 1 ? (real)1 : tie->count == 2 ? (real)0.5 : (real)0.25;                   \
-            for (size_t k = 0; k < 3 * stride; k += stride) {                                                          \
-                real sum = v[tie->master[0] + k];                                                                      \
-                for (int i = 1; i < tie->count; i++) sum += v[tie->master[i] + k];                                     \
-                v[tie->node + k] = share * sum;                                                                        \
+        for (const kn_tie *t = c->tie; t < c->tie + c->ties; t++)                                                      \
+            for (size_t i = 0, k = 0; i < 3; i++, k += stride) {                                                       \
+                const real *a = v + k + t->master[0], *b = v + k + t->master[1], *d = v + k + t->master[2],            \
+                           *e = v + k + t->master[3];                                                                  \
+                v[t->node + k] = t->count == 1   ? *a                                                                  \
+                                 : t->count == 2 ? (real)0.5 * (*a + *b)                                               \
+                                                 : (real)0.25 * (*a + *b + *d + *e);                                   \
             }                                                                                                          \
+    }                                                                                                                  \
+    static inline void pull_##real(const kn_pull *p, const kn_pull *end, size_t n, size_t stride, const real *from,    \
+                                   real *field)                                                                        \
+    {                                                                                                                  \
+        while (p < end) {                                                                                              \
+            const unsigned master = p->master;                                                                         \
+            real *to = field + offset_of(master, n, stride), sum[6];                                                   \
+            for (size_t k = 0; k < n; k++) sum[k] = to[k * stride];                                                    \
+            for (; p < end && p->master == master; p++) {                                                              \
+                const real *at = from + offset_of(p->node, n, stride),                                                 \
+                           share = (real)(n == 3 ? p->share : p->share * p->share);                                    \
+                for (size_t k = 0; k < n; k++) sum[k] += share * at[k * stride];                                       \
+            }                                                                                                          \
+            for (size_t k = 0; k < n; k++) to[k * stride] = sum[k];                                                    \
         }                                                                                                              \
     }                                                                                                                  \
-    static void gather_##real(const kn_composite *c, size_t stride, void *field, int part)                             \
+    static void gather_##real(const kn_composite *c, size_t stride, void *field, int first, int end)                   \
     {                                                                                                                  \
-        real *v = field;                                                                                               \
-        for (int t = c->tie_first[part]; t < c->tie_first[part + 1]; t++) {                                            \
-            const kn_tie *tie = &c->tie[t];                                                                            \
-            const real share = tie->count == 1 ? (real)1 : tie->count == 2 ? (real)0.5 : (real)0.25;                   \
-            for (size_t k = 0; k < 3 * stride; k += stride) {                                                          \
-                real each = share * v[tie->node + k];                                                                  \
-                for (int i = 0; i < tie->count; i++) v[tie->master[i] + k] += each;                                    \
-                v[tie->node + k] = 0;                                                                                  \
-            }                                                                                                          \
-        }                                                                                                              \
+        pull_##real(c->pull + c->pull_first[first], c->pull + c->pull_first[end], 3, stride, field, field);            \
     }                                                                                                                  \
-    static void gather_blocks_##real(const kn_composite *c, size_t stride, void *blocks, const void *whole, int part)  \
+    static void gather_blocks_##real(const kn_composite *c, size_t stride, const void *from, void *to, int part)       \
     {                                                                                                                  \
-        real *p = blocks;                                                                                              \
-        const real *m = whole;                                                                                         \
-        const size_t row = 3 * stride;                                                                                 \
-        for (int t = c->tie_first[part]; t < c->tie_first[part + 1]; t++) {                                            \
-            const kn_tie *tie = &c->tie[t];                                                                            \
-            const real share = tie->count == 1 ? (real)1 : tie->count == 2 ? (real)0.25 : (real)0.0625;                \
-            /* blocks have 6 components per row, vectors 3 */                                                          \
-            const size_t from = tie->node / row * 2 * row + tie->node % row;                                           \
-            for (int i = 0; i < tie->count; i++) {                                                                     \
-                const size_t to = tie->master[i] / row * 2 * row + tie->master[i] % row;                               \
-                for (size_t k = 0; k < 6 * stride; k += stride) p[to + k] += share * m[from + k];                      \
-            }                                                                                                          \
-        }                                                                                                              \
+        pull_##real(c->pull + c->pull_first[part], c->pull + c->pull_first[part + 1], 6, stride, from, to);            \
+    }                                                                                                                  \
+    static void clear_##real(const kn_composite *c, size_t stride, real *v)                                            \
+    {                                                                                                                  \
+        for (const kn_tie *t = c->tie; t < c->tie + c->ties; t++)                                                      \
+            for (size_t k = 0; k < 3; k++) v[t->node + k * stride] = 0;                                                \
     }
 TIES(float)
 TIES(double)
@@ -363,21 +379,30 @@ static void spread(const kn_model *m, void *field)
     else spread_double(m->composite, m->stride, field);
 }
 
-static void gather(const kn_model *m, void *field, int part)
+// Add the forces on tied nodes to those of their masters that are in the parts first..end-1.
+static void gather(const kn_model *m, void *field, int first, int end)
 {
-    if (kn_model_single(m)) gather_float(m->composite, m->stride, field, part);
-    else gather_double(m->composite, m->stride, field, part);
+    if (kn_model_single(m)) gather_float(m->composite, m->stride, field, first, end);
+    else gather_double(m->composite, m->stride, field, first, end);
 }
 
+static void clear(const kn_model *m, void *field)
+{
+    if (kn_model_single(m)) clear_float(m->composite, m->stride, field);
+    else clear_double(m->composite, m->stride, field);
+}
+
+// Move the forces on all tied nodes to their masters.
 static void gather_all(const kn_model *m, void *field)
 {
-    for (int p = 0; p < m->composite->part_count; p++) gather(m, field, p);
+    gather(m, field, 0, m->composite->part_count);
+    clear(m, field);
 }
 
 static void gather_blocks(const kn_model *m, const kn_work *w, int part)
 {
-    if (kn_model_single(m)) gather_blocks_float(m->composite, m->stride, w->p, w->whole, part);
-    else gather_blocks_double(m->composite, m->stride, w->p, w->whole, part);
+    if (kn_model_single(m)) gather_blocks_float(m->composite, m->stride, w->whole, w->p, part);
+    else gather_blocks_double(m->composite, m->stride, w->whole, w->p, part);
 }
 
 // Return the address of a part's first row in a field.
@@ -413,7 +438,7 @@ static kn_work work_of(const kn_model *m, const kn_work *w, int part)
         .g = rows_from(m, w->g, kn_work_edge(m) * KN_FORWARD, row),
         .free = rows_from(m, w->free, 3, row),
         .coarse = w->coarse,
-        .team = kn_work_team(&m->composite->part[part], w->team),
+        .team = w->team ? kn_work_team(&m->composite->part[part], w->team, w->team->least / 2) : NULL,
         .sums = w->sums,
         .cut = w->cut,
         .row_held = w->row_held + row,
@@ -434,29 +459,29 @@ static void begin(const kn_model *m, const kn_state *state, const kn_work *w, bo
 // as moved (its prescribed velocity has changed), mark the rows of its tied nodes, too.
 static void follow(const kn_model *m, const kn_work *w)
 {
-    const kn_composite *c = m->composite;
-    const size_t row = 3 * m->stride;
-    for (int t = 0; t < c->tie_first[c->part_count]; t++)
-        for (int i = 0; i < c->tie[t].count; i++)
-            w->row_moved[c->tie[t].node / row] |= w->row_moved[c->tie[t].master[i] / row];
+    const unsigned row = 3 * (unsigned)m->stride;
+    const kn_tie *tie = m->composite->tie, *end = tie + kn_composite_tied(m);
+    if (!memchr(w->row_moved, 1, (size_t)m->row_count)) tie = end;
+    for (; tie < end; tie++)
+        for (int i = 0; i < tie->count; i++) w->row_moved[tie->node / row] |= w->row_moved[tie->master[i] / row];
     spread(m, w->guess);
 }
 
-// Run the edge pass part by part, from the last part to the first. The masters of a part's tied nodes are in earlier
-// parts. The sums of the tied nodes must be added to the masters before the masters' rows are finished.
+// Run the edge pass part by part, from the last part to the first. The tied nodes of a master are in later parts. Their
+// sums are added to it before its row is finished.
 static double edge(const kn_model *m, kn_state *state, const kn_work *w, kn_linearization how, bool again)
 {
     const kn_composite *c = m->composite;
     double rz = 0;
     follow(m, w);
-    // every part adds the forces and diagonal blocks of its tied nodes to the masters in earlier parts
     for (int p = c->part_count - 1; p >= 0; p--) {
         kn_state part = state_of(m, state, p);
         const kn_work work = work_of(m, w, p);
-        rz += c->inside->edge(&c->part[p], &part, &work, how, again);
-        gather(m, w->r, p);
+        gather(m, w->r, p, p + 1);
         gather_blocks(m, w, p);
+        rz += c->inside->edge(&c->part[p], &part, &work, how, again);
     }
+    clear(m, w->r);
     return rz;
 }
 
@@ -596,7 +621,8 @@ const char *kn_composite_build(kn_model *m)
     memset(c->place, 0xff, places * sizeof *c->place); // all entries become -1: no node yet
     int nodes = c->node_first[c->part_count];
     c->tie = calloc((size_t)nodes, sizeof *c->tie);
-    if (!c->tie || !kn_model_nodes(m, nodes, nodes)) return KN_NO_MEMORY;
+    c->pull = calloc((size_t)nodes, 4 * sizeof *c->pull);
+    if (!c->tie || !c->pull || !kn_model_nodes(m, nodes, nodes)) return KN_NO_MEMORY;
     m->row_count = c->row_first[c->part_count];
     m->stride = kn_grid_stride(&c->part[0].grid);
     m->edge_reals = (size_t)m->row_count * KN_FORWARD * m->stride;
@@ -616,6 +642,7 @@ void kn_composite_destroy(kn_composite *c)
     for (int p = 0; c->part && p < c->part_count; p++) free(c->part[p].tables);
     free(c->part);
     free(c->tie);
+    free(c->pull);
     free(c->place);
     free(c);
 }

@@ -82,10 +82,15 @@ double kn_skin_area(const kn_model *model, const int node[3]);
 #define KN_COMPOSITE_PARTS 7
 
 typedef struct kn_tie { // a node that follows the mean of its masters
-    size_t node;        // offset of the tied node's x component in a 3-component field
-    size_t master[4];   // offsets of the masters' x components
+    unsigned node;      // offset of the tied node's x component in a 3-component field
+    unsigned master[4]; // offsets of the masters' x components
     int count;          // number of masters: 1, 2 or 4
 } kn_tie;
+
+typedef struct kn_pull {   // a tie as one of its masters sees it
+    unsigned master, node; // offsets as in kn_tie
+    float share;           // share of the master in the force on the tied node: 1, 0.5 or 0.25
+} kn_pull;
 
 typedef struct kn_composite {
     kn_kernels kernels;       // kernels of the whole model: the parts' kernels and the ties
@@ -99,9 +104,10 @@ typedef struct kn_composite {
     int coarse[KN_COMPOSITE_PARTS]; // node spacing of each part, in fine cells: 1 in the fine box, 2 elsewhere
     // index of the first node and of the first row of each part; a last entry holds the total number
     int node_first[KN_COMPOSITE_PARTS + 1], row_first[KN_COMPOSITE_PARTS + 1];
-    // ties of all parts, sorted by the part of the tied node; the masters of a tie are in earlier parts
-    kn_tie *tie;
-    int tie_first[KN_COMPOSITE_PARTS + 1];
+    int ties, pulls;                        // numbers of ties and of pulls
+    kn_tie *tie;                            // ties of all parts; the masters of a tie are in earlier parts, and free
+    kn_pull *pull;                          // pulls of all ties, sorted by master, then by tied node
+    int pull_first[KN_COMPOSITE_PARTS + 1]; // first pull whose master is in the part
     // Ids of the coarse nodes: the node at every place whose three coordinates in fine cells are even, x fastest. If
     // several coarse parts have a node at this place, the entry is the id of the node in the earliest part. Inside the
     // fine box the entry is -1.

@@ -126,13 +126,13 @@ static inline size_t kn_work_records(const kn_model *m)
     return 4 * (each * (size_t)m->row_count * KN_LANES + 2 * (m->edge_reals + 1));
 }
 
-// Return the team if it pays for the loops of a model, else NULL. A block of one plane cannot be cut. In a composite,
-// each block decides for itself.
-static inline kn_team *kn_work_team(const kn_model *m, kn_team *team)
+// Return the team if it pays for the loops of a model, else NULL: if a block or net has at least `least` vectors of
+// nodes. A block of one plane cannot be cut. In a composite, each block decides for itself.
+static inline kn_team *kn_work_team(const kn_model *m, kn_team *team, int least)
 {
     if (!team || m->composite) return team;
     const int vectors = m->def.mesh ? m->row_count : m->grid.rows * m->grid.vectors;
-    return vectors >= team->least && (m->def.mesh || m->grid.len[2] > 1) ? team : NULL;
+    return vectors >= least && (m->def.mesh || m->grid.len[2] > 1) ? team : NULL;
 }
 
 // Return true if nothing but contact and gravity holds the object. The preconditioner then has a level of the

@@ -61,7 +61,7 @@ TEST("presses on blocks of 144 to 2 560 nodes and on a mesh give the golden hash
         {"dough-pressure-plate", gas, 0xd55cab47f7817a6c},
         {"dough.yaml-plate", shipped, 0xbe13f3dca3e0a544},
         {"flat-pressure-plate", flat, 0xde20870edbf890f4},
-        {"composite-plate", fine, 0x47176e64aaf5c2aa},
+        {"composite-plate", fine, 0xb4fe183100e0c8b0},
         {"large-ball", large, 0x31d0a30a530d1938},
         {"net-plate", net, 0x75b52707248ce1ef},
     };
