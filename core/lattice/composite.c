@@ -461,8 +461,9 @@ static void follow(const kn_model *m, const kn_work *w)
 {
     const unsigned row = 3 * (unsigned)m->stride;
     const kn_tie *tie = m->composite->tie, *end = tie + kn_composite_tied(m);
-    if (!memchr(w->row_moved, 1, (size_t)m->row_count)) tie = end;
-    for (; tie < end; tie++)
+    int any = 0;
+    for (int i = 0; i < m->row_count; i++) any |= w->row_moved[i];
+    for (; any && tie < end; tie++)
         for (int i = 0; i < tie->count; i++) w->row_moved[tie->node / row] |= w->row_moved[tie->master[i] / row];
     spread(m, w->guess);
 }
