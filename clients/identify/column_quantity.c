@@ -40,14 +40,29 @@ static const spelling unit_spellings[] = {{"\xc2\xb5", "u"},
                                           {"\xb2", "^2"},
                                           {"\xb0", "deg"}};
 
-static const spelling name_spellings[] = {{"\xcf\x89", "omega"}, {"\xce\xb4", "delta"},
-                                          {"\xce\xb3", "gamma"}, {"\xce\xb5", "epsilon"},
-                                          {"\xcf\x83", "sigma"}, {"\xcf\x84", "tau"},
-                                          {"\xe2\x80\xb2", "'"}, {"\xe2\x80\xb3", "''"},
-                                          {"\xe2\x80\x99", "'"}, {"\xe2\x80\x9d", "''"},
-                                          {"\"", "''"},          {"_", " "},
-                                          {"\t", " "},           {":", " "},
-                                          {"\xce\x94", "delta "}};
+static const spelling name_spellings[] = {{"\xcf\x89", "omega"},
+                                          {"\xce\xb4", "delta"},
+                                          {"\xce\xb3", "gamma"},
+                                          {"\xce\xb5", "epsilon"},
+                                          {"\xcf\x83", "sigma"},
+                                          {"\xcf\x84", "tau"},
+                                          {"\xe2\x80\xb2", "'"},
+                                          {"\xe2\x80\xb3", "''"},
+                                          {"\xe2\x80\x99", "'"},
+                                          {"\xe2\x80\x9d", "''"},
+                                          {"\"", "''"},
+                                          {"_", " "},
+                                          {"\t", " "},
+                                          {":", " "},
+                                          {"\xce\x94", "delta "},
+                                          {"\xc3\xa4", "ae"},
+                                          {"\xc3\xb6", "oe"},
+                                          {"\xc3\xbc", "ue"},
+                                          {"\xc3\x96", "oe"},
+                                          {"\xe4", "ae"},
+                                          {"\xf6", "oe"},
+                                          {"\xfc", "ue"},
+                                          {"\xd6", "oe"}};
 
 // Copy a text and replace the spellings that are in the list. Stop before `to` overflows.
 static void respell(char *to, size_t size, const char *text, const spelling *list, size_t count)
@@ -296,38 +311,57 @@ bool kn_heading_quantity(const char *text, const char *unit, double *value, char
 // ---- the quantity of a column
 
 // Each row: the name of a quantity, its SI unit, and the names that a column of this quantity may have, in small
-// letters, preferred names first. A column name with a blank in front, such as " time", also matches the first or last
-// words of a longer name, such as "test time". The time of the whole test is preferred to the time within a step or
-// interval.
+// letters, in English and German, preferred names first. A column name with a blank in front, such as " time", also
+// matches the first or last words of a longer name, such as "test time".
 enum { NAME, UNIT, COLUMNS };
-static const char *const quantities[][18] = {
+static const char *const quantities[][24] = {
     [KN_TIME] = {"time", "s", "total time", "test time", "time (sequence)", "elapsed time", "run time", "time", "t",
-                 "zeit", "step time", "interval time", " time"},
-    [KN_HEIGHT] = {"height", "m", "height", "h", "gap", "thickness", "sample height", "l", " height", " gap",
-                   " thickness"},
-    [KN_DISPLACEMENT] = {"displacement", "m", "displacement", "disp", "deformation", "deflection", "compression",
-                         "indentation", "depth", "stroke", "extension", "distance", "travel", "d", " displacement",
-                         " deformation", " distance"},
+                 "zeit", "pruefzeit", "step time", "interval time", " time", " zeit"},
+    [KN_HEIGHT] = {"height", "m", "height", "h", "gap", "thickness", "sample height", "l", "hoehe", "spalt", "dicke",
+                   "messspalt", " height", " gap", " thickness", " hoehe"},
+    [KN_DISPLACEMENT] = {"displacement", "m",          "displacement",  "disp",
+                         "deformation",  "deflection", "compression",   "indentation",
+                         "depth",        "stroke",     "extension",     "distance",
+                         "travel",       "d",          "weg",           "standardweg",
+                         "traversenweg", "verformung", "eindringtiefe", " displacement",
+                         " deformation", " distance",  " extension"},
     [KN_STRAIN] = {"strain", "1", "strain", "compressive strain", "engineering strain", "shear strain", "gamma",
-                   "epsilon", "deformation", "compression", "x", " strain"},
-    [KN_COMPLIANCE] = {"compliance", "1/Pa", "compliance", "creep compliance", "j", "j(t)", "d(t)", " compliance"},
-    [KN_LOAD] = {"load", "N", "load", "force", "weight", "f", "w", "compressive force", "kraft", " load", " force"},
+                   "epsilon", "dehnung", "stauchung", "scherung", "scherdeformation", "deformation", "compression",
+                   "verformung", " strain", " dehnung"},
+    [KN_COMPLIANCE] = {"compliance", "1/Pa", "compliance", "creep compliance", "j", "j(t)", "d(t)", "nachgiebigkeit",
+                       "kriechnachgiebigkeit", " compliance", " nachgiebigkeit"},
+    [KN_LOAD] = {"load", "N", "load", "force", "weight", "f", "w", "compressive force", "kraft", "standardkraft",
+                 "pruefkraft", " load", " force", " kraft"},
     [KN_STRESS] = {"stress", "Pa", "stress", "shear stress", "compressive stress", "sigma", "tau", "pressure", "p",
-                   " stress"},
+                   "spannung", "schubspannung", "druckspannung", " stress", " spannung"},
     [KN_MODULUS] = {"modulus", "Pa", "modulus", "relaxation modulus", "g(t)", "e(t)", "g", "e", "complex modulus",
-                    "shear modulus", "|g*|", "|e*|", "g*", "e*", "dynamic modulus", " relaxation modulus"},
+                    "shear modulus", "|g*|", "|e*|", "g*", "e*", "dynamic modulus", "relaxationsmodul",
+                    "komplexer schubmodul", "schubmodul", " relaxation modulus"},
     [KN_FREQUENCY] = {"frequency", "1/s", "frequency", "freq", "f", "angular frequency", "omega", "w", "ang. frequency",
-                      " frequency"},
+                      "frequenz", "kreisfrequenz", "winkelfrequenz", " frequency", " kreisfrequenz"},
     [KN_STORAGE] = {"storage modulus", "Pa", "g'", "e'", "storage modulus", "storage", "gp", "elastic modulus",
-                    "shear storage modulus", " storage modulus"},
+                    "shear storage modulus", "speichermodul", " storage modulus"},
     [KN_LOSS] = {"loss modulus", "Pa", "g''", "e''", "loss modulus", "loss", "gpp", "viscous modulus",
-                 "shear loss modulus", "shear modulus (viscous component)", " loss modulus"},
+                 "shear loss modulus", "shear modulus (viscous component)", "verlustmodul", " loss modulus"},
     [KN_TANGENT] = {"tan delta", "1", "tan delta", "tan(delta)", "tandelta", "tan d", "loss tangent", "loss factor",
-                    "damping factor", "tan(d)"},
+                    "damping factor", "tan(d)", "verlustfaktor", "daempfungsfaktor"},
     [KN_PHASE] = {"phase angle", "rad", "phase angle", "delta", "phase", "phase shift", "phase shift angle",
-                  "phase lag", " phase angle"}};
+                  "phase lag", "phasenwinkel", "phasenverschiebung", "phasenverschiebungswinkel", " phase angle"}};
+enum { QUANTITIES = sizeof quantities / sizeof *quantities };
 
 const char *kn_column_quantity_name(kn_column_quantity q) { return quantities[q][NAME]; }
+
+bool kn_column_role(kn_heading *h, const char *role)
+{
+    const size_t length = strlen(role);
+    for (int q = 0; q < QUANTITIES; q++) {
+        const char *name = quantities[q][NAME];
+        if (!length || strncmp(name, role, length) != 0 || (name[length] && name[length] != ' ')) continue;
+        h->role = q + 1;
+        return true;
+    }
+    return false;
+}
 
 // Return whether the unit in the heading suits the quantity. A load may also be in grams or kilograms, which mean gf
 // and kgf. A frequency may be in rad/s, and a phase angle may be a plain number.
@@ -343,7 +377,7 @@ static bool fits(const kn_heading *h, kn_column_quantity q)
 static void convert(kn_heading *h, kn_column_quantity q)
 {
     const bool angular = kn_column_unit_is(&h->unit, "rad/s") || strstr(h->word, "ang") || strstr(h->word, "omega") ||
-                         !strcmp(h->word, "w");
+                         strstr(h->word, "kreis") || strstr(h->word, "winkel") || !strcmp(h->word, "w");
     if (q == KN_LOAD && kn_column_unit_is(&h->unit, "kg")) {
         h->unit.times *= GRAVITY;
         kn_column_unit newton;
@@ -372,68 +406,49 @@ static bool is_called(const kn_heading *h, const char *name)
            (ends_with(h->word, name) || (!strncmp(h->word, name + 1, strlen(name + 1)) && *rest == ' '));
 }
 
-// Return whether the unit in the heading suits the quantity, or is absent where none is needed: a strain and tan delta
-// need no unit.
+// Return whether the unit in the heading suits the quantity, or is absent where none is needed: by tan delta, and by a
+// strain whose name cannot be that of a displacement.
 static bool is_it(const kn_heading *h, kn_column_quantity q)
 {
-    return h->has_unit ? fits(h, q) : (q == KN_STRAIN || q == KN_TANGENT) && !*h->unit_text;
+    if (h->has_unit || *h->unit_text) return h->has_unit && fits(h, q);
+    for (const char *const *n = quantities[KN_DISPLACEMENT] + COLUMNS; q == KN_STRAIN && *n && !h->role; n++)
+        if (!strcmp(h->word, *n)) return false;
+    return q == KN_STRAIN || q == KN_TANGENT;
 }
 
-// Return whether the quantity in the column is certain: the column has a unit, or its name is the quantity's own word
-// or letter, such as "strain". A column that is named only x may hold anything.
-bool kn_column_is_sure(const kn_heading *h, kn_column_quantity q)
+// Return the first column from `column` on that has the name and a suitable unit, or -1. *other: the first one without
+// a suitable unit, if this can be no other quantity.
+static int named(const kn_table_reader *s, kn_column_quantity q, const char *name, int column, int *other)
 {
-    const bool letter = q == KN_STRAIN && (!strcmp(h->word, "gamma") || !strcmp(h->word, "epsilon"));
-    return h->has_unit || letter || strstr(h->word, quantities[q][NAME]);
-}
-
-// Return a second column with the name `name` and a suitable unit, or -1. With two such columns, it is unknown which
-// one the user means. If `column` certainly holds the quantity (kn_column_is_sure), ignore other columns that do not
-// certainly hold the quantity.
-static int twin(const kn_table_reader *s, kn_column_quantity q, const char *name, int column)
-{
-    const bool sure = kn_column_is_sure(&s->column[column].heading, q);
-    for (int c = column + 1; *name != ' ' && c < s->columns; c++) {
+    for (int c = column; c < s->columns; c++) {
         const kn_heading *h = &s->column[c].heading;
-        if (is_called(h, name) && is_it(h, q) && (kn_column_is_sure(h, q) || !sure)) return c;
+        if (h->role || !is_called(h, name)) continue;
+        if (is_it(h, q)) return c;
+        const bool its_own = !strcmp(name, quantities[q][NAME]);
+        if (*other < 0 && *name != ' ' && (its_own || !h->has_unit)) *other = c;
     }
-    return -1;
-}
-
-// Return the first column that has one of the quantity's names and a suitable unit, or -1. Preferred names are tried
-// first; *name is the name that matched. If `sure` is true, skip columns that do not certainly hold the quantity.
-// *other is the first column that has one of the names but no suitable unit, or -1.
-static int match(const kn_table_reader *s, kn_column_quantity q, bool sure, const char **name, int *other)
-{
-    *other = -1;
-    for (const char *const *n = quantities[q] + COLUMNS; (*name = *n); n++)
-        for (int c = 0; c < s->columns; c++) {
-            const kn_heading *h = &s->column[c].heading;
-            if (!is_called(h, *n)) continue;
-            if (is_it(h, q) && (!sure || kn_column_is_sure(h, q))) return c;
-            // A column has one of the names, but no suitable unit. If the name also belongs to other quantities and the
-            // column has a unit, the column probably holds another quantity, so ignore it.
-            const bool its_own = !strcmp(*n, quantities[q][NAME]);
-            if (*other < 0 && !is_it(h, q) && **n != ' ' && (its_own || !h->has_unit)) *other = c;
-        }
     return -1;
 }
 
 int kn_column_find(kn_table_reader *s, kn_column_quantity q, int *code)
 {
-    const char *name, *its_name = quantities[q][NAME], *its_unit = quantities[q][UNIT];
-    int other, column = match(s, q, true, &name, &other);
-    // If no column certainly holds the quantity, take one that may hold it.
-    if (column < 0) column = match(s, q, false, &name, &other);
-    const int again = column >= 0 && code ? twin(s, q, name, column) : -1;
-    if (again >= 0) {
+    const char *its_name = quantities[q][NAME], *its_unit = quantities[q][UNIT];
+    int other = -1, ignored = 0;
+    for (int c = 0; c < s->columns && other < 0; c++)
+        if (s->column[c].heading.role == (int)q + 1) other = c;
+    if (other >= 0 && is_it(&s->column[other].heading, q)) return convert(&s->column[other].heading, q), other;
+    const bool by_role = other >= 0;
+    for (const char *const *n = quantities[q] + COLUMNS; *n && !by_role; n++) {
+        const int column = named(s, q, *n, 0, &other), again = named(s, q, *n, column + 1, &ignored);
+        if (column < 0) continue;
+        convert(&s->column[column].heading, q);
+        if (!code || **n == ' ' || again < 0 || q == KN_TIME) return column;
         *code = kn_table_reader_complain(s, s->header_line, s->column[again].at,
                                          "a second column of %s, '%s', expected one: remove the other", its_name,
                                          s->column[again].heading.name);
         return -1;
     }
-    if (column >= 0) convert(&s->column[column].heading, q);
-    if (column >= 0 || other < 0 || !code) return column;
+    if (other < 0 || !code) return -1;
     // No column has a suitable unit. Report what is wrong with the unit of the column that has the name.
     const kn_heading *h = &s->column[other].heading;
     const int at = s->column[other].at;
@@ -454,19 +469,37 @@ int kn_column_find(kn_table_reader *s, kn_column_quantity q, int *code)
 int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity *wanted, kn_column_quantity *q,
                          int *code)
 {
-    int bare = -1;
-    kn_column_quantity bare_is = *wanted;
-    for (int i = 0; i < count; i++) {
-        // If an uncertain column was found before, first search for this quantity without printing errors. A column
-        // with a wrong unit is then skipped and is not an error.
-        if (bare >= 0 && kn_column_find(s, wanted[i], NULL) < 0) continue;
-        const int column = kn_column_find(s, *q = wanted[i], code);
-        if (*code != KN_EXIT_OK) return -1;
-        if (column >= 0 && kn_column_is_sure(&s->column[column].heading, *q)) return column;
-        if (column >= 0) bare = column, bare_is = *q;
+    for (int i = 0; i < count; i++)
+        if (kn_column_find(s, *q = wanted[i], NULL) >= 0) return kn_column_find(s, *q, code);
+    for (int i = 0; i < count && *code == KN_EXIT_OK; i++) kn_column_find(s, wanted[i], code);
+    return -1;
+}
+
+int kn_column_find_clocks(kn_table_reader *s, int most, int column[], int *code)
+{
+    int count = 0;
+    const int first = kn_column_find(s, KN_TIME, code);
+    if (first >= 0) column[count++] = first;
+    for (int c = 0; c < s->columns && count > 0 && count < most; c++) {
+        const kn_heading *h = &s->column[c].heading;
+        bool clock = h->role == KN_TIME + 1;
+        for (const char *const *n = quantities[KN_TIME] + COLUMNS; *n && !h->role; n++) clock |= is_called(h, *n);
+        if (clock && c != first && is_it(h, KN_TIME) && !s->column[first].heading.role) column[count++] = c;
     }
-    *q = bare_is;
-    return bare;
+    return count;
+}
+
+void kn_column_unknown(const kn_table_reader *s, char *text, size_t size)
+{
+    size_t n = 0;
+    *text = '\0';
+    for (int c = 0; c < s->columns && n < size; c++) {
+        const kn_heading *h = &s->column[c].heading;
+        bool known = h->role || !*h->name;
+        for (int q = 0; q < QUANTITIES; q++)
+            for (const char *const *name = quantities[q] + COLUMNS; *name; name++) known |= is_called(h, *name);
+        if (!known) n += (size_t)snprintf(text + n, size - n, "%s'%.40s'", n ? ", " : "", h->name);
+    }
 }
 
 // Find a load in the name of a column, such as "10 gf", "0.1N" or "W = 10 gf".

@@ -31,6 +31,8 @@ static const char help[] =
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --release TIME         time at which the load was removed\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,height=mm\n"
+    KN_IDENTIFY_COLUMN_HELP
+    KN_IDENTIFY_SHEAR_HELP
     "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
     "  --late                 also fit the times at which each curve's load was applied and removed;\n"
     "                         all results then count time from the fitted arrival of the load\n"
@@ -624,8 +626,8 @@ static int write_element(const kn_identification *w, const char *path)
     const kn_creep_fit *j = &w->creep;
     char origin[600], source[KN_SOURCE_MAX];
     snprintf(origin, sizeof origin, "creep from %s: %d curve%s, %d readings, stresses %.4g to %.4g Pa.",
-             kn_material_source(w->opt.file[0], w->opt.files, source), w->curves, w->curves == 1 ? "" : "s",
-             j->readings, j->lowest_pa, j->highest_pa);
+             kn_identify_source(w, source), w->curves, w->curves == 1 ? "" : "s", j->readings, j->lowest_pa,
+             j->highest_pa);
     return kn_material_file_write(w->opt.subcommand, path, origin, NULL, &j->material, w->opt.density_kg_m3,
                                   KN_ESTIMATE_NUMBERS, j->number);
 }

@@ -84,31 +84,6 @@ static void find_steps(load_steps *s, kn_curve *c)
     }
 }
 
-// Count the plateaus of a load. Set *scatter to the sum of squared differences between the loads and the mean of their
-// plateau.
-static int pieces(int count, const double *load, double *scatter)
-{
-    const double tolerance = near_load * kn_largest_magnitude(count, load);
-    int n = 0;
-    double mean;
-    *scatter = 0;
-    for (int i = 0, end; i < count; i = end, n++) {
-        end = plateau(count, load, i, tolerance, &mean);
-        for (int k = i; k < end; k++)
-            if (fabs(load[k] - mean) <= tolerance) *scatter += (load[k] - mean) * (load[k] - mean);
-    }
-    return n;
-}
-
-// Return whether the load a[] consists of steps more clearly than the load b[]. This is the case if a[] has fewer steps
-// than b[], or if both have equally many steps and a[] scatters less than half as much around its steps.
-static bool is_flatter(int count, const double *a, const double *b)
-{
-    double of_a, of_b;
-    const int more = pieces(count, a, &of_a) - pieces(count, b, &of_b);
-    return more < 0 || (more == 0 && of_a < 0.5 * of_b);
-}
-
 // ---- the onset of the strain
 
 // a difference counts as certain if it exceeds this many standard deviations of the noise
@@ -179,25 +154,6 @@ double kn_strain_onset(int count, const double *t, const double *x, double noise
 
 // ---- the loads of a creep curve
 
-// If the column holds the true stress, convert the true stress to the nominal stress. The true stress is W h/(S0 h0),
-// with the load W, the initial area S0, the height h and the initial height h0. Divided by 1 - strain it is the nominal
-// stress W/S0, which is constant under each load. If the column already holds the nominal stress, set c->constant_area.
-static void to_nominal(const kn_curve_file *f, kn_curve *c)
-{
-    c->constant_area = true;
-    for (int i = 0; i < c->count; i++)
-        // no compression has so large a strain, so leave the stress as it is
-        if (c->value[i] > 0.95) return;
-    double *nominal = malloc((size_t)c->count * sizeof *nominal);
-    if (!nominal) return;
-    for (int i = 0; i < c->count; i++) nominal[i] = c->load[i] / (1 - c->value[i]);
-    if (is_flatter(c->count, nominal, c->load)) {
-        c->constant_area = f->constant_area;
-        memcpy(c->load, nominal, (size_t)c->count * sizeof *nominal);
-    }
-    free(nominal);
-}
-
 // Return the time at which the load changed. The strain is continuous, and only its slope jumps with the load. So the
 // load changed at the time where the line through the readings before the change meets the line through the readings
 // after it. If noise hides the jump of the slope, return the middle between the two readings around the change.
@@ -260,13 +216,14 @@ static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, do
 
 // Take the load steps from the recorded column of load or stress, which is converted to nominal stress. Readings that
 // belong to no load step get the value NAN.
-static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity load_is)
+static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity load_is, int column)
 {
     load_steps found;
-    const char *name = kn_column_quantity_name(load_is);
+    const char *name = kn_column_quantity_name(load_is), *word = f->table.column[column].heading.word;
     if (load_is == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
     kn_curve_upright(f, c->count, c->load, name);
-    if (load_is == KN_STRESS) to_nominal(f, c);
+    // a recorded stress acts on the present section, unless its name says that it is the load over the initial one
+    if (load_is == KN_STRESS) c->constant_area |= !strstr(word, "nominal") && !strstr(word, "engineering");
     for (int i = 0; i < c->count && load_is == KN_LOAD; i++) c->load[i] /= f->area_m2;
     const double noise = kn_curve_noise(c->count, c->time_s, c->value);
     find_steps(&found, c);
@@ -302,20 +259,6 @@ static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, doubl
     return KN_EXIT_OK;
 }
 
-// Report that the load was removed before it was applied or after the last reading, and return an exit code. If a note
-// gives the time of the removal, the error points to this note.
-static int bad_release(const kn_curve_file *f, double from_s, double to_s)
-{
-    const kn_table_reader *s = &f->table;
-    int n = 0;
-    while (n < s->notes && strcmp(s->note[n].key, "release") != 0) n++;
-    char text[160];
-    snprintf(text, sizeof text, "released at %g s, expected a time between the load, %g s, and the last reading, %g s",
-             f->release_s, from_s, to_s);
-    if (n < s->notes) return kn_table_reader_complain(s, s->note[n].line, s->note[n].at, "%s", text);
-    return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s: %s", s->file, text);
-}
-
 // If a note or an option gives the time at which the load was removed, use this time. It is more exact than the times
 // of the readings before and after the removal.
 static int take_release(kn_curve_file *f, kn_curve *c)
@@ -323,7 +266,9 @@ static int take_release(kn_curve_file *f, kn_curve *c)
     if (!isfinite(f->release_s)) return KN_EXIT_OK;
     kn_curve_step *last = &c->step[c->steps - 1];
     if (f->release_s <= c->step[0].time_s || f->release_s > c->time_s[c->count - 1])
-        return bad_release(f, c->step[0].time_s, c->time_s[c->count - 1]);
+        return kn_curve_refuse_note(f, "release",
+                                    "%g s, expected a time between the load, %g s, and the last reading, %g s",
+                                    f->release_s, c->step[0].time_s, c->time_s[c->count - 1]);
     // If the recorded load never ends, add its removal as a step. If the recorded load ends, the last reading under
     // load and the first reading without load enclose the removal. If the given time is between them, it becomes the
     // time of the removal.
@@ -360,9 +305,7 @@ static int choose_single(kn_curve_file *f, columns *c)
     c->load = -1;
     c->value = kn_column_find_first(&f->table, 4, values, &c->what, &code);
     if (code != KN_EXIT_OK) return code;
-    if (c->value < 0)
-        return kn_curve_refuse(
-            f, 0, -1, "no column of height, displacement, strain or compliance, expected one, e.g. 'height_mm'");
+    if (c->value < 0) return kn_curve_refuse_columns(f, "height, displacement, strain or compliance", "height_mm");
     for (int i = 0; i < 2 && c->what != KN_COMPLIANCE && c->load < 0 && code == KN_EXIT_OK; i++)
         c->load = kn_column_find(&f->table, c->load_is = loads[i], &code);
     return code;
@@ -374,7 +317,7 @@ static int choose(kn_curve_file *f, columns *c)
     int code = KN_EXIT_OK;
     c->time = kn_column_find(&f->table, KN_TIME, &code);
     if (code != KN_EXIT_OK) return code;
-    if (c->time < 0) return kn_curve_refuse(f, 0, -1, "no time, expected a column like 'time_s'");
+    if (c->time < 0) return kn_curve_refuse_columns(f, "time", "time_s");
     c->loads = kn_column_find_loads(&f->table, KN_CURVES_MAX, c->of_load, c->load_n);
     if (c->loads == 0) return choose_single(f, c);
     // A wide file has one column of values for each load. All these columns hold the quantity of the first one.
@@ -499,7 +442,7 @@ static int add_curve(kn_curve_file *f, const columns *cols, kn_curve_rows rows, 
     if (code == KN_EXIT_OK) code = kn_curve_order(f, c, name);
     if (code == KN_EXIT_OK) code = to_strain(f, c, cols->what, rows.value);
     if (code == KN_EXIT_OK)
-        code = c->load ? take_recorded_load(f, c, cols->load_is)
+        code = c->load ? take_recorded_load(f, c, cols->load_is, rows.load)
                        : take_given_load(f, c, cols->what == KN_COMPLIANCE, load_n);
     if (code == KN_EXIT_OK) code = take_release(f, c);
     if (code == KN_EXIT_OK) code = begin_at_load(f, c, name);
@@ -557,25 +500,13 @@ static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
         const int next = kn_curve_range_end(s, c->time, end);
         const double from = last_time(t, begin, end);
         if (largest(s, key, end, next) < 0.02 * largest(s, key, begin, end) && from > 0 && t[end] >= 0) {
-            kn_curve_say(f, "time restarts in line %d without load: read as the recovery, which begins at %.5g s",
+            kn_curve_say(f, "time falls in line %d, without load: read as the recovery, which begins at %.5g s",
                          s->line[end], from);
             for (int i = end; i < next; i++) t[i] += from;
         } else {
             begin = end;
         }
     }
-}
-
-// Report that time restarts in a second table with an equal load, and return an exit code. Time may also fall because
-// of a thousands separator: in a file with decimal commas, 1,002 after 999 is read as 1.002.
-static int refuse_second(const kn_curve_file *f, const columns *c, int begin, int end)
-{
-    const double *t = f->table.column[c->time].value, last = last_time(t, begin, end), next = 1000 * t[end];
-    const bool thousand = f->table.commas && next >= last && next < 1.1 * last;
-    return kn_curve_refuse(
-        f, f->table.line[end], c->time, "%s",
-        thousand ? "time restarts where it reaches a thousand, expected numbers without thousands separators"
-                 : "time restarts, as in a second table; expected time that rises, or another load from here on");
 }
 
 // Add one curve for each range of rows in which time rises. The load of a range must differ from the load of the range
@@ -590,7 +521,10 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
         const double here = largest(s, key, begin, end),
                      next = largest(s, key, end, kn_curve_range_end(s, c->time, end));
         char part[32] = "";
-        if (end < rows && (key < 0 || fabs(next - here) <= 0.01 * here)) return refuse_second(f, c, begin, end);
+        if (end < rows && (key < 0 || fabs(next - here) <= 0.01 * here))
+            return kn_curve_refuse(f, s->line[end], c->time,
+                                   "time falls%s, expected time that rises, or another load from here on",
+                                   s->commas ? " (a thousands separator?)" : "");
         // The curves of a file are named after their loads.
         const bool stress = key >= 0 && kn_column_unit_is(&s->column[key].heading.unit, "Pa");
         if (key >= 0 && (begin > 0 || end < rows))
@@ -605,28 +539,6 @@ static bool has_numbers(const kn_table_reader *s, int column)
     for (int i = 0; i < s->rows; i++)
         if (isfinite(s->column[column].value[i])) return true;
     return false;
-}
-
-// If two columns give one quantity in different forms, report which column is used.
-static void say_unused(kn_curve_file *f, const columns *c)
-{
-    const char *what = kn_column_quantity_name(c->what), *load = kn_column_quantity_name(c->load_is);
-    for (int i = 0; i < 4; i++) {
-        const int other = values[i] == c->what ? -1 : kn_column_find(&f->table, values[i], NULL);
-        if (other < 0 || other == c->value) continue;
-        const kn_heading *h = &f->table.column[other].heading;
-        if (kn_column_is_sure(h, values[i]))
-            kn_curve_say(f, "the column of %s is used, not that of %s", what, kn_column_quantity_name(values[i]));
-        else kn_curve_say(f, "the column of %s is used, not '%s', which has no unit", what, h->name);
-    }
-    for (int i = 0; i < 2 && c->load >= 0; i++) {
-        const int other = loads[i] == c->load_is ? -1 : kn_column_find(&f->table, loads[i], NULL);
-        if (other >= 0 && other != c->load)
-            kn_curve_say(f, "the column of %s is used, not that of %s", load, kn_column_quantity_name(loads[i]));
-    }
-    for (int i = 0; i < f->table.notes && c->load >= 0; i++)
-        if (!strcmp(f->table.note[i].key, "load") || !strcmp(f->table.note[i].key, "stress"))
-            kn_curve_say(f, "the column of %s is used, not the note in line %d", load, f->table.note[i].line);
 }
 
 int kn_curve_load_creep(kn_curve_file *f)
@@ -644,12 +556,16 @@ int kn_curve_load_creep(kn_curve_file *f)
     if (key >= 0 && key != c.load) wanted[n++] = key;
     code = kn_curve_read(f, n, wanted);
     if (code != KN_EXIT_OK) return code;
+    c.time = *wanted;
     // ignore a load column that has a name but no numbers
     if (c.load >= 0 && !has_numbers(&f->table, c.load)) c.load = key = -1;
     if (c.loads) return add_wide(f, &c);
     if (key >= 0) join_recoveries(f, &c, key);
     code = add_long(f, &c, key);
-    if (code == KN_EXIT_OK) say_unused(f, &c);
+    for (int i = 0; i < 4 && code == KN_EXIT_OK; i++)
+        if (values[i] != c.what && kn_column_find(&f->table, values[i], NULL) >= 0)
+            kn_curve_say(f, "the column of %s is used, not that of %s", kn_column_quantity_name(c.what),
+                         kn_column_quantity_name(values[i]));
     if (code == KN_EXIT_OK && c.what == KN_STRAIN) kn_curve_say_bare(f, c.value);
     return code;
 }

@@ -84,6 +84,11 @@ static const kn_option rows[] = {
               .belongs = "cp"),
     KN_OPTION("strain", SPECIAL, AT(curve.strain), .take = take_strain, .belongs = "r"),
     KN_OPTION("units", TEXT, AT(curve.units)),
+    KN_OPTION("column", TEXT, AT(curve.roles)),
+    KN_OPTION("shear", FLAG, AT(curve.shear), .belongs = "crs"),
+    KN_OPTION("compression", FLAG, AT(curve.compression), .belongs = "crs"),
+    KN_OPTION("poisson", REAL, AT(curve.poisson), KN_RANGE(KN_ABOVE_0, 0.5), .expected = "a ratio above 0, up to 0.5",
+              .belongs = "crs"),
     KN_OPTION("constant-area", FLAG, AT(curve.constant_area), .belongs = "cr"),
     KN_OPTION("late", FLAG, AT(late), .belongs = "c"),
     KN_OPTION("serve", SPECIAL, AT(serve), .take = take_structure, .belongs = "c"),
@@ -105,7 +110,6 @@ static const kn_option rows[] = {
     KN_OPTION("png", TEXT, AT(png)),
     KN_OPTION("csv", TEXT, AT(csv)),
     KN_OPTION("json", CALL, .call = kn_result_open),
-    KN_OPTION("shear", FLAG, AT(shear), .belongs = "s"),
 };
 
 // Parse the command line of one experiment: 'c' for creep, 'p' for press, 'r' for relax, 's' for sweep. Return
@@ -127,6 +131,8 @@ static int parse_options(kn_identify_options *opt, const char *subcommand, char 
     if (opt->files == 0 && opt->creeps > 0)
         return kn_complain(subcommand, KN_EXIT_USAGE,
                            "expected a press beside --creep; for creep alone there is knead identify creep");
+    if (opt->curve.shear && opt->curve.compression)
+        return kn_complain(subcommand, KN_EXIT_USAGE, "--shear and --compression: expected one of them");
     if (opt->files == 0)
         return kn_complain(subcommand, KN_EXIT_USAGE, "expected a file of readings, CSV; --help lists its columns");
     for (int i = 0; i < opt->creeps; i++) opt->file[opt->files++] = opt->creep[i];
@@ -153,6 +159,16 @@ void kn_identify_note(kn_identification *w, const char *format, ...)
     va_end(args);
     printf("note: %s\n", note);
     kn_result_text(kn_result_add("notes"), "words", note);
+}
+
+const char *kn_identify_source(const kn_identification *w, char text[KN_SOURCE_MAX])
+{
+    kn_material_source(w->opt.file[0], w->opt.files, text);
+    const size_t n = strlen(text);
+    for (int c = 0; c < w->curves; c++)
+        if (w->curve[c].young > 0)
+            snprintf(text + n, KN_SOURCE_MAX - n, ", of shear with E = %.4g G", w->curve[c].young);
+    return text;
 }
 
 bool kn_identify_compare(kn_identification *w, char error[400])

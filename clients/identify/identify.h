@@ -35,14 +35,18 @@ typedef struct kn_identify_options {
     const char *out, *png, *csv, *report;
     bool no_models;      // option --no-models: do not compare the result with other material models
     bool late;           // creep: also fit the times at which the loads were applied and removed
-    bool shear;          // sweep: the measured moduli are shear moduli
     bool constant_noise; // relax: the noise is the same at all stresses; false: it is a fixed share of the stress
     // for the comparison of models: the models are fitted to the readings before this time and judged by the later
     // readings [s]; 0: the time is chosen from the data
     double cut_s;
 } kn_identify_options;
 
-// The part of the help text that creep and relax share.
+// Parts of the help text: of all experiments, of creep, relax and sweep, of creep and relax.
+#define KN_IDENTIFY_COLUMN_HELP                                                                                        \
+    "  --column NAME=QUANTITY,...  what columns hold whose names do not say it, e.g. Crosshead=displacement\n"
+#define KN_IDENTIFY_SHEAR_HELP                                                                                         \
+    "  --shear, --compression read all files as of shear, or of compression (default: as the columns' names say)\n"    \
+    "  --poisson NU           Poisson's ratio nu, for E = 2 (1 + nu) G of a file in shear (default: 0.5, E = 3 G)\n"
 #define KN_IDENTIFY_OUTPUT_HELP                                                                                        \
     "  --out FILE        the material, for `material: FILE` of a scene; the interval of every parameter is in a "      \
     "comment\n"                                                                                                        \
@@ -110,7 +114,6 @@ typedef struct kn_identification {
     kn_creep_fit creep;                 // creep: the fit
     kn_relaxation_fit relax;            // relax: the fit
     kn_sweep_fit sweep;                 // sweep: the fits of all elements
-    double modulus_scale;               // sweep: factor on the measured moduli (3 for shear moduli, otherwise 1)
     double took_s;                      // creep: duration of the fit [s]
     bool served;                        // creep: a scene accepts the material
     kn_served_lattice lattice;          // creep: with --serve, the material of a lattice
@@ -139,6 +142,9 @@ typedef struct kn_identify_experiment {
 
 extern const kn_identify_experiment kn_identify_creep, kn_identify_press, kn_identify_relax, kn_identify_sweep;
 int kn_identify_shape_main(int argc, char **argv);
+
+// Name the files of the material, and that they were of shear (parameter_estimate.h).
+const char *kn_identify_source(const kn_identification *w, char text[KN_SOURCE_MAX]);
 
 // Add a note on the results: print the note, and store it for the page and for --json.
 __attribute__((format(printf, 2, 3))) void kn_identify_note(kn_identification *w, const char *format, ...);

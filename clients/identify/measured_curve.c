@@ -45,6 +45,38 @@ int kn_curve_refuse(const kn_curve_file *f, int line, int column, const char *fo
                                     column < 0 ? 1 : kn_table_reader_at(&f->table, line, column), "%s", text);
 }
 
+int kn_curve_refuse_note(const kn_curve_file *f, const char *key, const char *format, ...)
+{
+    char text[200];
+    va_list args;
+    const kn_table_reader *s = &f->table;
+    int n = 0;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    while (n < s->notes && strcmp(s->note[n].key, key) != 0) n++;
+    if (n < s->notes) return kn_table_reader_complain(s, s->note[n].line, s->note[n].at, "%s of %s", key, text);
+    return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s: --%s of %s", s->file, key, text);
+}
+
+int kn_curve_refuse_columns(const kn_curve_file *f, const char *quantity, const char *example)
+{
+    char unknown[400];
+    bool turned = false;
+    for (int c = 0; c < f->table.columns; c++) {
+        const char *word = f->table.column[c].heading.word;
+        turned |= strstr(word, "torque") || strstr(word, "drehmoment") || strstr(word, "deflection angle") ||
+                  strstr(word, "auslenkwinkel");
+    }
+    kn_column_unknown(&f->table, unknown, sizeof unknown);
+    return kn_curve_refuse(f, 0, -1, "no column of %s, expected one, e.g. '%s'%s%s%s%s", quantity, example,
+                           turned ? "; a torque or a deflection angle depends on the instrument's geometry: export "
+                                    "shear stress and shear strain"
+                                  : "",
+                           *unknown ? "; not known: " : "", unknown,
+                           *unknown ? ", and --column 'NAME=QUANTITY' says what a column holds" : "");
+}
+
 static int short_of_memory(const kn_curve_file *f)
 {
     return kn_complain(f->table.subcommand, KN_EXIT_DEVICE, "%s: out of memory", f->table.file);
@@ -105,56 +137,13 @@ static int take_rows(kn_curve_file *f, kn_curve *c, bool shared, const kn_curve_
     return ok && c->line && c->weight ? KN_EXIT_OK : short_of_memory(f);
 }
 
-// if time falls back for fewer than FEW successive rows, these rows are out of place and no new table begins
-enum { FEW = 3 };
-
-// Return whether the time between row i and the next row is longer than `longer_s`.
-static bool strides(const kn_table_reader *s, const double *t, int i, double longer_s)
-{
-    int next = i + 1;
-    while (next < s->rows && isnan(t[next])) next++;
-    return next < s->rows && t[next] - t[i] > longer_s;
-}
-
-// Count the rows from `at` on in which time rises, up to KN_CURVE_LEAST. If time has started again, these rows begin a
-// second table. Return 0 if one of the first FEW rows continues the old time, since then only the rows before this row
-// are out of place. A row continues the old time if its time is between `last` and `last` + 3 `step` and the next row
-// follows within 10 `step`. last: largest time so far; step: last increase of `last`.
-static int rows_anew(const kn_table_reader *s, const double *t, int at, double last, double step)
-{
-    double before = t[at];
-    int rows = 0;
-    for (int i = at; i < s->rows && rows < KN_CURVE_LEAST; i++) {
-        if (isnan(t[i])) continue;
-        if (t[i] < before) break;
-        if (rows < FEW && t[i] >= last && t[i] <= last + 3 * step && !strides(s, t, i, 10 * step)) return 0;
-        before = t[i];
-        rows++;
-    }
-    return rows;
-}
-
 int kn_curve_range_end(const kn_table_reader *s, int time, int begin)
 {
-    const double *t = s->column[time].value;
-    double first = NAN, last = NAN, step = 0, before = NAN;
-    // Number of rows at which time falls. In a disordered file time falls often, and three successive rows may rise by
-    // chance. So once time has fallen, more rows must rise to begin a second table.
-    int falls = 0;
+    double before = -INFINITY;
     for (int i = begin; i < s->rows; i++) {
-        if (isnan(t[i])) continue;
-        if (isnan(first)) first = last = before = t[i];
-        if (t[i] > last) step = t[i] - last;
-        // A second table begins here if time falls back into the first half of its range and then rises for enough
-        // rows. If time has fallen before, the file may be in disorder, so more rows must rise.
-        if (t[i] < before) {
-            if (i - begin >= KN_CURVE_LEAST && i - begin >= 4 * falls && t[i] <= 0.5 * (last + first) &&
-                rows_anew(s, t, i, last, step) >= (falls ? KN_CURVE_LEAST : FEW))
-                return i;
-            falls++;
-        }
-        last = fmax(last, t[i]);
-        before = t[i];
+        const double t = s->column[time].value[i];
+        if (t < before) return i;
+        if (isfinite(t)) before = t;
     }
     return s->rows;
 }
@@ -192,14 +181,12 @@ int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name)
     if (out > 0)
         kn_curve_say(f, "%d reading%s of %s missing, left out; the first in line %d", out, out > 1 ? "s" : "", name,
                      line);
-    // The readings of a sweep are sorted by frequency, which is stored in time_s.
-    const char *along = f->kind == KN_CURVE_SWEEP ? "frequency" : "time";
-    int moved = kn_curve_sort(c);
-    if (moved > 0) kn_curve_say(f, "the rows are not in the order of %s: %d moved", along, moved);
-    if (moved < 0) return short_of_memory(f);
+    // time rises in a curve, but a sweep may fall in frequency, which is stored in time_s
+    if (f->kind == KN_CURVE_SWEEP && !kn_curve_sort(c)) return short_of_memory(f);
     int merged = kn_curve_merge(c);
     if (merged > 0)
-        kn_curve_say(f, "%d reading%s the %s of another: averaged", merged, merged > 1 ? "s have" : " has", along);
+        kn_curve_say(f, "%d reading%s the %s of another: averaged", merged, merged > 1 ? "s have" : " has",
+                     f->kind == KN_CURVE_SWEEP ? "frequency" : "time");
     return check_enough(f, c, name);
 }
 
@@ -261,9 +248,31 @@ int kn_curve_add(kn_curve_file *f, const char *part, bool shared, kn_curve_rows 
     return take_rows(f, c, shared, &rows);
 }
 
+// Turn a curve of shear into one of compression.
+static void from_shear(const kn_curve_file *f, kn_curve *c)
+{
+    const double root = sqrt(3), young = 2 * (1 + (f->opt->poisson > 0 ? f->opt->poisson : 0.5));
+    const bool moduli = c->kind == KN_CURVE_SWEEP || (c->kind == KN_CURVE_RELAX && !(c->strain > 0));
+    // a compliance whose stress is unknown is the strain under 1 Pa
+    const double value = moduli                      ? young
+                         : c->kind == KN_CURVE_RELAX ? root
+                                                     : (c->unknown_stress ? 1 : root) / young,
+                 other = moduli ? young : root / young;
+    for (int i = 0; i < c->count; i++) {
+        c->value[i] *= value;
+        if (c->other) c->other[i] *= other;
+    }
+    for (int i = 0; i < c->steps && !c->unknown_stress; i++) c->step[i].stress_pa *= root;
+    c->strain *= root / young;
+    c->young = young;
+    kn_curve_say(f, "%s is of shear, and is read as compression: E = %.4g G%s; --compression if it is not of shear",
+                 c->name, young, f->opt->poisson > 0 ? "" : ", as of a material that keeps its volume (--poisson)");
+}
+
 int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *change_s)
 {
     const int before = c->count;
+    if (f->shear) from_shear(f, c);
     // The noise of single readings is estimated before thinning.
     kn_curve_take_noise(c);
     if (!kn_curve_thin(c, KN_CURVE_READINGS, changes, change_s)) return short_of_memory(f);
@@ -294,9 +303,8 @@ static int choose_relax(kn_curve_file *f, relax_columns *c)
         c->value = kn_column_find(s, c->what = values[i], &code);
     if (code == KN_EXIT_OK) c->strain = kn_column_find_first(s, 3, strains, &c->strain_is, &code);
     if (code != KN_EXIT_OK) return code;
-    if (c->time < 0) return kn_curve_refuse(f, 0, -1, "no time, expected a column like 'time_s'");
-    if (c->value >= 0) return KN_EXIT_OK;
-    return kn_curve_refuse(f, 0, -1, "no column of stress, load or modulus, expected one, e.g. 'stress_kPa'");
+    if (c->time < 0) return kn_curve_refuse_columns(f, "time", "time_s");
+    return c->value >= 0 ? KN_EXIT_OK : kn_curve_refuse_columns(f, "stress, load or modulus", "stress_kPa");
 }
 
 // Compute the strain from displacement or height. If no note or option gives the initial height, use the first height.
@@ -309,7 +317,7 @@ static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
         c->other[i] = what == KN_HEIGHT ? 1 - c->other[i] / c->height_m : c->other[i] / c->height_m;
     kn_curve_upright(f, c->count, c->other, kn_column_quantity_name(what));
     for (int i = 0; i < c->count; i++)
-        if (c->other[i] >= 1)
+        if (c->other[i] >= 1 && !f->shear)
             return kn_curve_refuse(f, c->line[i], -1,
                                    "strain of %.3g, more than the whole height, expected less than 1", c->other[i]);
     return KN_EXIT_OK;
@@ -381,7 +389,7 @@ static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_
     }
     // Without a column of strain, the strain comes from a note or an option, and the hold begins at the largest stress.
     if (isfinite(f->strain)) c->strain = f->strain;
-    if (c->strain >= 1)
+    if (c->strain >= 1 && !f->shear)
         return kn_complain(f->table.subcommand, KN_EXIT_USAGE, "%s: strain of %g, expected less than 1, like 10 %%",
                            f->table.file, c->strain);
     c->begin_s = begin_of_hold(f, c);
@@ -424,13 +432,16 @@ static int load_relax(kn_curve_file *f)
     kn_curve *c = NULL;
     int code = choose_relax(f, &cols);
     if (code != KN_EXIT_OK) return code;
-    code = kn_curve_read(f, cols.strain >= 0 ? 3 : 2, (int[]){cols.time, cols.value, cols.strain});
+    int wanted[] = {cols.time, cols.value, cols.strain};
+    code = kn_curve_read(f, cols.strain >= 0 ? 3 : 2, wanted);
     if (code != KN_EXIT_OK) return code;
+    const int time = *wanted;
     const char *name = kn_column_quantity_name(cols.what);
-    const int end = kn_curve_range_end(&f->table, cols.time, 0), rows = f->table.rows;
+    const int end = kn_curve_range_end(&f->table, time, 0), rows = f->table.rows;
     if (end < rows)
-        return kn_curve_refuse(f, f->table.line[end], cols.time, "time restarts, expected one relaxation per file");
-    code = kn_curve_add(f, "", false, (kn_curve_rows){0, rows, cols.time, cols.value, cols.strain, -1}, &c);
+        return kn_curve_refuse(f, f->table.line[end], time,
+                               "time falls, expected one relaxation per file, in the order of time");
+    code = kn_curve_add(f, "", false, (kn_curve_rows){0, rows, time, cols.value, cols.strain, -1}, &c);
     if (code == KN_EXIT_OK) code = kn_curve_order(f, c, name);
     if (code == KN_EXIT_OK) kn_curve_upright(f, c->count, c->value, name);
     if (code == KN_EXIT_OK) code = take_strain(f, c, cols.strain_is);
@@ -464,12 +475,10 @@ static int choose_sweep(kn_curve_file *f, sweep_columns *c)
     if (code == KN_EXIT_OK && !is_whole(c)) c->tangent = kn_column_find(s, KN_TANGENT, &code);
     if (code == KN_EXIT_OK && !is_whole(c) && c->tangent < 0) c->phase = kn_column_find(s, KN_PHASE, &code);
     if (code != KN_EXIT_OK) return code;
-    if (c->frequency < 0)
-        return kn_curve_refuse(f, 0, -1, "no frequency, expected a column like 'frequency_hz' or 'omega [rad/s]'");
+    if (c->frequency < 0) return kn_curve_refuse_columns(f, "frequency", "omega [rad/s]");
     if (is_whole(c) || ((c->storage >= 0 || c->modulus >= 0) && (c->tangent >= 0 || c->phase >= 0))) return KN_EXIT_OK;
-    return kn_curve_refuse(f, 0, -1,
-                           "no storage and loss modulus, expected two columns: "
-                           "G' [Pa] and G'' [Pa], or |G*| [Pa] and tan delta or phase angle");
+    return kn_curve_refuse_columns(f, "storage and loss modulus, or |G*| and tan delta or phase angle",
+                                   "G' [Pa];G'' [Pa]");
 }
 
 // Check that the phase angle is between 0 and 90 degrees. Beyond 90 degrees the computed moduli would be negative, and
@@ -607,20 +616,21 @@ static int load_press(kn_curve_file *f)
     kn_column_quantity what = KN_DISPLACEMENT;
     kn_curve *c = NULL;
     int code = KN_EXIT_OK, load = -1, depth = -1;
-    const int time = kn_column_find(s, KN_TIME, &code);
+    int time = kn_column_find(s, KN_TIME, &code);
     if (code == KN_EXIT_OK) load = kn_column_find(s, KN_LOAD, &code);
     if (code == KN_EXIT_OK) depth = kn_column_find_first(s, 2, depths, &what, &code);
     if (code != KN_EXIT_OK) return code;
     if (time < 0 || load < 0 || depth < 0)
-        return kn_curve_refuse(f, 0, -1,
-                               "no column of %s, expected time, force and depth, e.g. 'time_s,force_N,depth_mm'",
-                               time < 0   ? "time"
-                               : load < 0 ? "force"
-                                          : "depth");
-    code = kn_curve_read(f, 3, (int[]){time, load, depth});
+        return time < 0   ? kn_curve_refuse_columns(f, "time", "time_s")
+               : load < 0 ? kn_curve_refuse_columns(f, "force", "force_N")
+                          : kn_curve_refuse_columns(f, "depth", "depth_mm");
+    int wanted[] = {time, load, depth};
+    code = kn_curve_read(f, 3, wanted);
     if (code != KN_EXIT_OK) return code;
+    time = *wanted;
     const int end = kn_curve_range_end(s, time, 0);
-    if (end < s->rows) return kn_curve_refuse(f, s->line[end], time, "time restarts, expected one press per file");
+    if (end < s->rows)
+        return kn_curve_refuse(f, s->line[end], time, "time falls, expected one press per file, in the order of time");
     code = kn_curve_add(f, "", false, (kn_curve_rows){0, s->rows, time, load, depth, -1}, &c);
     if (code == KN_EXIT_OK) code = kn_curve_order(f, c, "the force");
     if (code != KN_EXIT_OK) return code;
@@ -648,15 +658,6 @@ static int load_press(kn_curve_file *f)
 
 // ---- loading one file
 
-static int bad_note(const kn_curve_file *f, const char *key)
-{
-    const kn_table_reader *s = &f->table;
-    int n = 0;
-    while (strcmp(s->note[n].key, key) != 0) n++;
-    return kn_table_reader_complain(s, s->note[n].line, s->note[n].at,
-                                    "%s of %s, expected a value above 0 and at most 1e15", key, s->note[n].value);
-}
-
 // Read the notes. An option applies to all files. A note in a file overrides the option of the same name.
 static int take_notes(kn_curve_file *f)
 {
@@ -674,7 +675,8 @@ static int take_notes(kn_curve_file *f)
         *notes[i].value = NAN;
         code = kn_table_reader_note(&f->table, notes[i].key, notes[i].unit, notes[i].value);
         const double value = *notes[i].value;
-        if (code == KN_EXIT_OK && (value < 1e-15 || value > 1e15)) code = bad_note(f, notes[i].key);
+        if (code == KN_EXIT_OK && (value < 1e-15 || value > 1e15))
+            code = kn_curve_refuse_note(f, notes[i].key, "%g in SI units, expected above 0 and at most 1e15", value);
         if (isnan(*notes[i].value)) *notes[i].value = notes[i].option > 0 ? notes[i].option : NAN;
     }
     f->begin_s = NAN;
@@ -686,11 +688,63 @@ static int take_notes(kn_curve_file *f)
     return code;
 }
 
-// Read the rows, then the notes, since notes may be above or below the table.
-int kn_curve_read(kn_curve_file *f, int count, const int wanted[])
+// Return which of several clocks begins with the load: the one whose first time is nearest to 0. The time since each
+// point does not rise. Except in creep, whose recovery may have a clock of its own, a clock must not start again.
+static int clock_of(const kn_curve_file *f, int count, const int clock[])
 {
-    int code = kn_table_reader_read(&f->table, count, wanted);
-    return code == KN_EXIT_OK ? take_notes(f) : code;
+    int best = -1;
+    double best_s = INFINITY;
+    for (int i = 0; i < count; i++) {
+        const double *t = f->table.column[clock[i]].value;
+        int rises = 0, falls = 0, first = 0;
+        while (first + 1 < f->table.rows && isnan(t[first])) first++;
+        for (int k = first + 1; k < f->table.rows; k++) rises += t[k] > t[k - 1], falls += t[k] < t[k - 1];
+        if (2 * rises < f->table.rows || (falls && f->kind != KN_CURVE_CREEP) || !(fabs(t[first]) < best_s)) continue;
+        best = clock[i];
+        best_s = fabs(t[first]);
+    }
+    if (best < 0) return clock[0];
+    kn_curve_say(f, "the clock '%s' is used, which begins with the load, of %d", f->table.column[best].heading.name,
+                 count);
+    return best;
+}
+
+// Find whether the columns say that the curve is of shear. If they do not say of what it is, but a rheometer may have
+// written them, report that it is read as compression.
+static bool is_shear(const kn_curve_file *f, int count, const int wanted[])
+{
+    const char *unsaid = NULL;
+    for (int i = 0; i < count && !f->opt->compression; i++) {
+        const kn_heading *h = &f->table.column[wanted[i]].heading;
+        if (strstr(h->word, "shear") || strstr(h->word, "schub") || strstr(h->word, "scher")) return true;
+        const char *w = h->word; // a letter such as G' or J, a modulus, a compliance
+        if ((strchr("gj", *w) && strlen(w) < 6) || strstr(w, "modul") || strstr(w, "compliance")) unsaid = h->name;
+    }
+    if (unsaid && !f->opt->shear)
+        kn_curve_say(f,
+                     "'%s' does not say whether it is of shear: read as of compression; --shear reads it as of shear",
+                     unsaid);
+    return f->opt->shear;
+}
+
+int kn_curve_read(kn_curve_file *f, int count, int wanted[])
+{
+    int all[KN_CURVES_MAX + 16], clock[8], code = KN_EXIT_OK;
+    const int clocks = f->kind == KN_CURVE_SWEEP ? 0 : kn_column_find_clocks(&f->table, 8, clock, &code);
+    memcpy(all, wanted, (size_t)count * sizeof *all);
+    for (int i = 1; i < clocks; i++) all[count + i - 1] = clock[i];
+    // read the rows, then the notes, since notes may be above or below the table
+    if (code == KN_EXIT_OK) code = kn_table_reader_read(&f->table, count + (clocks > 1 ? clocks - 1 : 0), all);
+    if (code != KN_EXIT_OK) return code;
+    if (clocks > 1) wanted[0] = clock_of(f, clocks, clock);
+    code = take_notes(f);
+    if (f->kind != KN_CURVE_PRESS) f->shear = is_shear(f, count, wanted);
+    f->constant_area |= f->shear;
+    for (int i = 0; i < count && f->shear; i++)
+        if (strstr(f->table.column[wanted[i]].heading.word, "normal"))
+            return kn_curve_refuse(f, 0, -1, "'%s' is no load of shear, expected a shear stress",
+                                   f->table.column[wanted[i]].heading.name);
+    return code;
 }
 
 int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind, const char *file,
@@ -702,7 +756,7 @@ int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind,
     // Open the table and let the loader for this kind of curve read it.
     *f = (kn_curve_file){.opt = options, .kind = kind, .curve = curve, .count = count};
     const int before = *count;
-    int code = kn_table_reader_open(&f->table, file, options->units, options->subcommand);
+    int code = kn_table_reader_open(&f->table, file, options->units, options->roles, options->subcommand);
     if (code == KN_EXIT_OK) code = load[kind](f);
     if (code == KN_EXIT_OK && f->table.commas) kn_curve_say(f, "the numbers have decimal commas");
     // After an error, free the curves that were added from this file.

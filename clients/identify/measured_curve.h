@@ -24,6 +24,10 @@
 // weighted reading if the ratio of their times since the last change of load is below a limit. Thinning never joins
 // readings across a change of load.
 //
+// A curve of shear, by the names of its columns or by an option, becomes one of compression: stress
+// sqrt(3) tau and strain sqrt(3) gamma / (2 (1 + nu)), so that E = 2 (1 + nu) G, which is 3 G if the volume is kept. In
+// shear the section is constant, and strains may exceed 1.
+//
 // Compression is positive (core/network.h). Strain is displacement divided by initial height h0. Stress is force
 // divided by the current area S. S follows from the current height h by S h = S0 h0 (first paper, equation 4). If the
 // file has a column of stress, that column is used instead.
@@ -73,6 +77,7 @@ typedef struct kn_curve {
     // since a modulus spans decades.
     double noise;
     double height_m, area_m2; // creep, relax, press: size of the specimen; 0: not stated
+    double young;             // measured in shear, with E = young G; 0: in compression
     // the next fields are for creep curves only
     int steps;                          // number of load steps
     kn_curve_step step[KN_CURVE_STEPS]; // load steps; step[0] is at time 0; a stress of 0 Pa means no load
@@ -92,8 +97,11 @@ typedef struct kn_curve_options {
     double release_s;
     double strain; // relax: the strain that is held during the relaxation
     bool constant_area;
-    const char *units;      // units of columns whose names have no unit, such as "time=s,modulus=Pa"; NULL: not given
-    const char *subcommand; // name of the subcommand in error messages, such as "identify creep"
+    bool shear, compression; // read a file as one of shear, or of compression, whatever its names say
+    double poisson;          // shear: Poisson's ratio of the material; 0: 0.5, it keeps its volume
+    const char *units;       // units of columns whose names have no unit, such as "time=s,modulus=Pa"; NULL: not given
+    const char *roles;       // what columns hold, such as "Crosshead=displacement"; NULL: not given
+    const char *subcommand;  // name of the subcommand in error messages, such as "identify creep"
 } kn_curve_options;
 
 // Append the curves of a file to curve[] and increase *count. A file with several columns headed by their loads has one

@@ -12,9 +12,8 @@
 // number of removed readings.
 int kn_curve_compact(kn_curve *c, int *first_line);
 
-// Sort the readings by time; readings of the same time keep their order. Return the number of readings that were out of
-// place, or -1 if memory runs out.
-int kn_curve_sort(kn_curve *c);
+// Sort the readings by time_s; equal ones keep their order. Return false if memory runs out.
+bool kn_curve_sort(kn_curve *c);
 
 // Replace readings of the same time and load by their mean. The weight of the mean is the number of these readings. If
 // the value jumps at one time by at least a quarter of the value's range, both readings are kept, since the file then
@@ -47,7 +46,7 @@ typedef struct kn_curve_file {
     int *count;      // number of curves in curve[]
     // values from the notes of the file; without a note, from the options; NAN: neither gives the value
     double height_m, area_m2, load_n, stress_pa, release_s, begin_s, strain;
-    bool constant_area;
+    bool constant_area, shear;
 } kn_curve_file;
 
 // The rows begin..end-1 of the table, which become one curve, and the indices of the columns that fill the curve's
@@ -60,13 +59,13 @@ typedef struct kn_curve_rows {
 // exit code.
 int kn_curve_load_creep(kn_curve_file *f);
 
-// Read the rows of the columns wanted[], then the values of the notes and options. Return 0, or print an error and
-// return an exit code.
-int kn_curve_read(kn_curve_file *f, int count, const int wanted[]);
+// Read the rows of the columns wanted[], then the values of the notes and options. wanted[0] is a column of time or
+// frequency. If the table has several clocks, set wanted[0] to the one that begins with the load, and report it. Find
+// whether the curve is of shear. Return 0, or print an error and return an exit code.
+int kn_curve_read(kn_curve_file *f, int count, int wanted[]);
 
-// Find the end of the table that begins at row `begin`. The next table begins where time falls back and rises again.
-// Return the first row of the next table, or the number of rows of the file if there is no next table. `time` is the
-// index of the time column.
+// Return the first row after row `begin` at which time falls, where another interval begins, or the number of rows.
+// `time`: index of the column of time.
 int kn_curve_range_end(const kn_table_reader *s, int time, int begin);
 
 // Append a curve to f->curve, name the curve after the file and `part`, and fill its arrays from the table. If the
@@ -74,8 +73,7 @@ int kn_curve_range_end(const kn_table_reader *s, int time, int begin);
 // are copied. Return 0, or print an error and return an exit code.
 int kn_curve_add(kn_curve_file *f, const char *part, bool shared, kn_curve_rows rows, kn_curve **curve);
 
-// Remove readings that lack a number, sort the readings by time, and average readings of the same time. Print each
-// change on stdout. It is an error if fewer than KN_CURVE_LEAST readings are left or if all their values are equal.
+// Remove readings that lack a number, sort a sweep, and average readings of the same time. Print each change on stdout. It is an error if fewer than KN_CURVE_LEAST readings are left or if all their values are equal.
 // Return 0, or print an error and return an exit code.
 int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name);
 
@@ -109,6 +107,14 @@ void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which)
 // Report on stdout that the strain in `column`, which has no unit, is taken as a share of the height. The user may have
 // meant per cent, since files often give per cent without a unit.
 void kn_curve_say_bare(const kn_curve_file *f, int column);
+
+// Print an error at the note `key`, or for the option of that name, and return an exit code. The text follows "key of ".
+__attribute__((format(printf, 3, 4))) int kn_curve_refuse_note(const kn_curve_file *f, const char *key,
+                                                               const char *format, ...);
+
+// Print that the table has no column of `quantity`, with the columns that were not recognised. `example` is the name of
+// such a column. Return an exit code.
+int kn_curve_refuse_columns(const kn_curve_file *f, const char *quantity, const char *example);
 
 // Print an error at the cell of `column` in a line of the file and return an exit code. line 0: the line of names;
 // column -1: the start of the line.

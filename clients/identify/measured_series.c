@@ -50,50 +50,24 @@ static int by_time(const void *a, const void *b)
     return (p->index > q->index) - (p->index < q->index);
 }
 
-// Return the length of the longest series of readings that are in order already. The other readings are out of place.
-// For example, a reading that was moved to the end counts as one reading out of place, although all readings after its
-// proper place have moved up. `last` is scratch for `count` numbers.
-static int longest_in_order(const place *order, int count, int *last)
+bool kn_curve_sort(kn_curve *c)
 {
-    int longest = 0;
-    for (int i = 0; i < count; i++) {
-        int low = 0, high = longest;
-        while (low < high) {
-            const int middle = low + (high - low) / 2;
-            if (last[middle] < order[i].index) low = middle + 1;
-            else high = middle;
-        }
-        last[low] = order[i].index; // last[i]: smallest index at which an ordered series of i + 1 readings can end
-        longest += low == longest;
+    place *order = malloc((size_t)c->count * sizeof *order + 1);
+    double *room = malloc((size_t)c->count * sizeof *room + 1);
+    const bool enough = order && room;
+    for (int i = 0; i < c->count && enough; i++) order[i] = (place){c->time_s[i], i};
+    if (enough) qsort(order, (size_t)c->count, sizeof *order, by_time);
+    for (int k = 0; k < ARRAYS && enough; k++) {
+        double *values = array_of(c, k);
+        for (int i = 0; values && i < c->count; i++) room[i] = values[order[i].index];
+        if (values) memcpy(values, room, (size_t)c->count * sizeof *values);
     }
-    return longest;
-}
-
-int kn_curve_sort(kn_curve *c)
-{
-    bool sorted = true;
-    for (int i = 1; i < c->count && sorted; i++) sorted = c->time_s[i - 1] <= c->time_s[i];
-    if (sorted) return 0;
-    place *order = malloc((size_t)c->count * sizeof *order);
-    double *room = malloc((size_t)c->count * sizeof *room);
-    int moved = -1;
-    if (order && room) {
-        for (int i = 0; i < c->count; i++) order[i] = (place){c->time_s[i], i};
-        qsort(order, (size_t)c->count, sizeof *order, by_time);
-        // The memory for doubles also serves as scratch for indices and line numbers.
-        moved = c->count - longest_in_order(order, c->count, (int *)room);
-        for (int k = 0; k < ARRAYS; k++) {
-            double *values = array_of(c, k);
-            for (int i = 0; values && i < c->count; i++) room[i] = values[order[i].index];
-            if (values) memcpy(values, room, (size_t)c->count * sizeof *values);
-        }
-        int *lines = (int *)room;
-        for (int i = 0; i < c->count; i++) lines[i] = c->line[order[i].index];
-        memcpy(c->line, lines, (size_t)c->count * sizeof *lines);
-    }
+    int *lines = (int *)room; // the memory for doubles also serves for line numbers
+    for (int i = 0; i < c->count && enough; i++) lines[i] = c->line[order[i].index];
+    if (enough) memcpy(c->line, lines, (size_t)c->count * sizeof *lines);
     free(order);
     free(room);
-    return moved;
+    return enough;
 }
 
 // Replace the readings with the indices `from` to `end` - 1 by their mean, and store the mean at the index `to`. Return

@@ -35,6 +35,7 @@ static const char help[] =
     "  --compliance C         how far frame and gauge give way, e.g. '0.01 mm/N' or '0 mm/N' (default: fitted); not for\n"
     "                         specimens, whose heights must be those between the plates\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,force=N,depth=mm\n"
+    KN_IDENTIFY_COLUMN_HELP
     "  --anyway               write the scene even if more than 15 % of a record's largest value is left\n"
     "  --out FILE             the scene with the fitted material; its label says what is left\n"
     "  --density D            density of the material (default: that of the scene)\n"

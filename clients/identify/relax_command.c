@@ -28,6 +28,8 @@ static const char help[] =
     "  --strain S             held strain, for files that do not state it, e.g. 10% or 0.1\n"
     "  --height H, --area S   initial height and area of the specimen\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. time=s,modulus=Pa\n"
+    KN_IDENTIFY_COLUMN_HELP
+    KN_IDENTIFY_SHEAR_HELP
     "  --constant-area        take stress = load/S0 (default: the section grows as the height falls, S h = S0 h0)\n"
     "  --noise relative       assume noise that is a share of the stress; fit 20 means per decade of time (default)\n"
     "  --noise constant       assume the same noise at all stresses, like an instrument's; weigh all readings equally\n"
@@ -350,8 +352,8 @@ static int write_material(const kn_identification *w, const char *path)
     const kn_relaxation_fit *r = &w->relax;
     char origin[800], source[KN_SOURCE_MAX];
     snprintf(origin, sizeof origin, "relax from %s: %d curve%s, stresses %.4g to %.4g Pa.\n# %s",
-             kn_material_source(w->opt.file[0], w->opt.files, source), r->curves, r->curves > 1 ? "s" : "",
-             r->lowest_pa, r->highest_pa, scale_words(r));
+             kn_identify_source(w, source), r->curves, r->curves > 1 ? "s" : "", r->lowest_pa, r->highest_pa,
+             scale_words(r));
     return kn_material_file_write(w->opt.subcommand, path, origin, NULL, &r->material, w->opt.density_kg_m3,
                                   KN_ESTIMATE_NUMBERS, r->number);
 }

@@ -99,7 +99,7 @@ int kn_served_scene_write(const kn_identification *w, const char *path)
 {
     const kn_served_lattice *l = &w->lattice;
     char words[80], origin[600], source[KN_SOURCE_MAX], label[900], scene[2048];
-    kn_material_source(w->opt.file[0], w->opt.files, source);
+    kn_identify_source(w, source);
     structure_words(&l->structure, words);
     if (!(worst_left(w) <= KN_IDENTIFY_FOLLOWS) && !w->opt.anyway)
         return kn_complain(w->opt.subcommand, KN_EXIT_FAILED,

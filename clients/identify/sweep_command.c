@@ -20,9 +20,9 @@ static const char help[] =
     "    knead identify sweep sweep.csv --out putty.yaml --png fit.png\n\n"
     "A file is a table with a name and a unit above each column. It has the frequency in Hz or rad/s, and the moduli.\n"
     "The moduli are G' and G'', or |G*| with tan delta or the phase angle. All files must be of one material.\n\n"
-    "  --shear           read the moduli as shear moduli, and multiply them by three for a result in compression\n"
-    "                    (valid for a material that keeps its volume)\n"
     "  --units NAME=UNIT,...  units of columns that have none, e.g. omega=rad/s,storage=Pa\n"
+    KN_IDENTIFY_COLUMN_HELP
+    KN_IDENTIFY_SHEAR_HELP
     "  --out FILE        the material, for `material: FILE` in a scene; the interval of every parameter is in a comment.\n"
     "                    The element is the best supported one that a scene can have: s|d, s-d or (s|d)-d.\n"
     "                    Nothing is written if this element is off by more than 30 % on average\n"
@@ -49,7 +49,6 @@ enum { STARTS = 16 };
 typedef struct work {
     const kn_curve *curve;
     int curves, readings;
-    double scale;
     const kn_element *element;
 } work;
 
@@ -75,8 +74,8 @@ static bool misfit(void *of, const double value[KN_FIT_UNKNOWNS], double *residu
             double storage, loss;
             modulus(w->element, value, w->curve[c].time_s[i], &storage, &loss);
             if (!(storage > 0 && loss > 0)) return false;
-            residual[n] = log(storage / (w->scale * w->curve[c].value[i]));
-            residual[w->readings + n] = log(loss / (w->scale * w->curve[c].other[i]));
+            residual[n] = log(storage / w->curve[c].value[i]);
+            residual[w->readings + n] = log(loss / w->curve[c].other[i]);
         }
     return true;
 }
@@ -122,7 +121,7 @@ static void place(const work *w, unsigned *seed, double start[KN_FIT_UNKNOWNS])
     for (int leaf = 0; leaf < w->element->leaves; leaf++) {
         const kn_curve *c = &w->curve[(int)(random_share(seed) * w->curves)];
         const int i = (int)(random_share(seed) * c->count);
-        const double size = w->scale * (random_share(seed) < 0.5 ? c->value[i] : c->other[i]);
+        const double size = (random_share(seed) < 0.5 ? c->value[i] : c->other[i]);
         start[leaf] = is_spring(w->element, leaf) ? size : size / (2 * acos(-1.0) * c->time_s[i]);
     }
 }
@@ -133,8 +132,8 @@ static void bounds(const work *w, kn_fit *fit)
     double least = INFINITY, most = 0, slow = INFINITY, fast = 0;
     for (int c = 0; c < w->curves; c++)
         for (int i = 0; i < w->curve[c].count; i++) {
-            least = fmin(least, w->scale * fmin(w->curve[c].value[i], w->curve[c].other[i]));
-            most = fmax(most, w->scale * fmax(w->curve[c].value[i], w->curve[c].other[i]));
+            least = fmin(least, fmin(w->curve[c].value[i], w->curve[c].other[i]));
+            most = fmax(most, fmax(w->curve[c].value[i], w->curve[c].other[i]));
             slow = fmin(slow, 2 * acos(-1.0) * w->curve[c].time_s[i]);
             fast = fmax(fast, 2 * acos(-1.0) * w->curve[c].time_s[i]);
         }
@@ -262,14 +261,13 @@ static int choose(const kn_sweep_fit *s, bool material)
     return best;
 }
 
-// Run the fit. `scale` multiplies the moduli: a scale of 3 converts shear moduli to parameters for compression.
-// `confidence` is the confidence of the intervals, such as 0.95. Return false if memory runs out, or if no element
+// Run the fit. `confidence` is the confidence of the intervals, such as 0.95. Return false if memory runs out, or if no element
 // could be fitted.
-static bool run_fit(kn_sweep_fit *s, int curves, const kn_curve *curve, double scale, double confidence)
+static bool run_fit(kn_sweep_fit *s, int curves, const kn_curve *curve, double confidence)
 {
     *s = (kn_sweep_fit){0};
     for (int c = 0; c < curves; c++) s->readings += curve[c].count;
-    const work w = {.curve = curve, .curves = curves, .readings = s->readings, .scale = scale};
+    const work w = {.curve = curve, .curves = curves, .readings = s->readings};
     add_classes(s);
     // fit smaller elements first, since larger elements start from them
     for (int parts = 1; parts <= KN_SWEEP_FIT_PARTS; parts++)
@@ -414,8 +412,7 @@ static bool csv_rows(const kn_identification *w, FILE *f)
             double storage, loss;
             row_modulus(&w->sweep.row[w->sweep.best], c->time_s[i], &storage, &loss);
             kn_table_text(c->name, f);
-            fprintf(f, ",%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], w->modulus_scale * c->value[i],
-                    w->modulus_scale * c->other[i], storage, loss);
+            fprintf(f, ",%.9g,%.9g,%.9g,%.9g,%.9g\n", c->time_s[i], c->value[i], c->other[i], storage, loss);
         }
     }
     return true;
@@ -431,9 +428,8 @@ static int write_material(const kn_identification *w, const char *path)
                            "--out %s: not written, %s is %.3g %% off on average: "
                            "no element that a scene can load describes these data",
                            path, row->expression, 100 * row->error);
-    snprintf(origin, sizeof origin, "sweep from %s: %s at %d frequencies, mean error %.3g %%%s.\n# %s.",
-             kn_material_source(w->opt.file[0], w->opt.files, source), row->expression, w->sweep.readings,
-             100 * row->error, w->modulus_scale > 1 ? ", shear moduli multiplied by 3" : "",
+    snprintf(origin, sizeof origin, "sweep from %s: %s at %d frequencies, mean error %.3g %%.\n# %s.",
+             kn_identify_source(w, source), row->expression, w->sweep.readings, 100 * row->error,
              row->material.damper == KN_DAMPER_NONE ? "This element has no damper in series, so no deformation remains"
                                                     : at_rest);
     const size_t n = strlen(origin);
@@ -462,12 +458,12 @@ static void add_curve(const kn_identification *w, kn_figure_panel p[2], const kn
     for (int i = 0; i < c->count; i++) {
         double storage, loss;
         row_modulus(&w->sweep.row[w->sweep.best], c->time_s[i], &storage, &loss);
-        left[i] = 100 * (w->modulus_scale * c->value[i] / storage - 1);
-        other[i] = 100 * (w->modulus_scale * c->other[i] / loss - 1);
+        left[i] = 100 * (c->value[i] / storage - 1);
+        other[i] = 100 * (c->other[i] / loss - 1);
     }
     const char *g[2] = {named ? "G'" : NULL, named ? "G''" : NULL};
-    kn_identify_plot(&p[0], g[0], c->count, c->time_s, c->value, w->modulus_scale, KN_FIGURE_POINTS, 1);
-    kn_identify_plot(&p[0], g[1], c->count, c->time_s, c->other, w->modulus_scale, KN_FIGURE_POINTS, 2);
+    kn_identify_plot(&p[0], g[0], c->count, c->time_s, c->value, 1, KN_FIGURE_POINTS, 1);
+    kn_identify_plot(&p[0], g[1], c->count, c->time_s, c->other, 1, KN_FIGURE_POINTS, 2);
     kn_identify_plot(&p[1], g[0], c->count, c->time_s, left, 1, KN_FIGURE_POINTS, 1);
     kn_identify_plot(&p[1], g[1], c->count, c->time_s, other, 1, KN_FIGURE_POINTS, 2);
 }
@@ -531,8 +527,7 @@ static int report(kn_identification *w, kn_document *d)
 
 static int fit(kn_identification *w)
 {
-    w->modulus_scale = w->opt.shear ? 3 : 1;
-    if (run_fit(&w->sweep, w->curves, w->curve, w->modulus_scale, 0.95)) return KN_EXIT_OK;
+    if (run_fit(&w->sweep, w->curves, w->curve, 0.95)) return KN_EXIT_OK;
     return kn_complain(w->opt.subcommand, KN_EXIT_USAGE,
                        "%s: no element fits; expected storage and loss moduli at 4 frequencies or more",
                        w->opt.file[0]);

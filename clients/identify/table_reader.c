@@ -102,6 +102,7 @@ static census count_cells(const char *line, char separator)
 
 typedef struct candidate { // a line of words that may hold the names of the columns
     int line, cells;       // line: number of the line, 0: no such line so far; cells: number of its cells
+    int units;             // number of the line of units below it; 0: none
     char separator;
 } candidate;
 
@@ -131,30 +132,6 @@ static char row_separator(const char *line, const candidate *names)
     return count_cells(line, ' ').numbers > 1 && is_row(line, ' ', names->cells) ? ' ' : 0;
 }
 
-// Look at one line of the file. A row of numbers ends the search. A line of words becomes the new candidate for the
-// names.
-static void look_at(search *found, const kn_lines *l)
-{
-    const char *line = l->text + strspn(l->text, " \t");
-    kn_note note;
-    const bool comment = *line == '#';
-    if (comment) line += strspn(line, "# \t");
-    if (!*line || (comment && kn_note_read(l->text, 0, &note))) return;
-    // Try the line as a row below the plain candidate first, then as a row below the commented candidate.
-    const char separator = separator_of(line);
-    const census n = count_cells(line, separator);
-    char of_rows = row_separator(line, &found->plain);
-    if (!of_rows) of_rows = row_separator(line, &found->commented);
-    if (!comment && of_rows) {
-        found->data = l->number;
-        found->of_rows = of_rows;
-        return;
-    }
-    // A line of words with at least two cells may be the names.
-    if (n.numbers > 0 || n.cells - n.missing < 2) return;
-    *(comment ? &found->commented : &found->plain) = (candidate){l->number, n.cells, separator};
-}
-
 // Read the unit in a cell below a name. Brackets around the unit are dropped. Return whether the unit is known.
 static bool unit_in(kn_text_cell *c, char text[KN_HEADING_NAME], kn_column_unit *unit)
 {
@@ -179,26 +156,49 @@ static bool is_units(const char *line, char separator)
     return units > 0 && units >= others;
 }
 
+// Return the line without what stands before its first cell. A tab at the begin ends an empty cell, if tabs separate.
+static const char *cells_of(const char *line, bool *comment)
+{
+    const char *text = line + strspn(line, " \t");
+    *comment = *text == '#';
+    if (*comment) return text + strspn(text, "# \t");
+    return strchr(text, '\t') ? line + strspn(line, " ") : text;
+}
+
+// Look at one line of the file. A row of numbers ends the search. A line of words becomes the new candidate for the
+// names, or is the line of units of the last one.
+static void look_at(search *found, const kn_lines *l)
+{
+    bool comment;
+    const char *line = cells_of(l->text, &comment);
+    kn_note note;
+    if (!line[strspn(line, " \t;,")] || (comment && kn_note_read(l->text, 0, &note))) return;
+    // Try the line as a row below the plain candidate first, then as a row below the commented candidate.
+    const char separator = separator_of(line);
+    const census n = count_cells(line, separator);
+    char of_rows = row_separator(line, &found->plain);
+    if (!of_rows) of_rows = row_separator(line, &found->commented);
+    candidate *to = comment ? &found->commented : &found->plain;
+    if (!comment && of_rows) {
+        found->data = l->number;
+        found->of_rows = of_rows;
+    } else if (to->line && !to->units && !comment && is_units(line, separator)) {
+        to->units = l->number;
+    } else if (n.numbers == 0 && n.cells - n.missing >= 2) {
+        // a line of words with at least two cells may be the names
+        *to = (candidate){l->number, n.cells, 0, separator};
+    }
+}
+
 // Find the lines of names and units and the separators. Return false if no numbers follow a line of names. In that case
 // s->header_line is the number of the line that could have held the names, or 0.
 static bool find_table(kn_table_reader *s)
 {
-    search found = {0}, before = {0};
-    int units = 0;
-    // Read up to the first row of numbers. Keep the last two lines of words, since the last one may hold only units.
-    while (!found.data && kn_lines_next(&s->lines)) {
-        const search was = found;
-        look_at(&found, &s->lines);
-        if (found.plain.line == was.plain.line) continue;
-        before = was;
-        if (is_units(s->lines.text, found.plain.separator)) units = found.plain.line;
-    }
-    // Use the line of units only if it is the last line of words above the numbers and another line of words is above
-    // it.
-    const bool below = units > 0 && units == found.plain.line && before.plain.line > 0;
-    const candidate *names = below ? &before.plain : found.plain.line ? &found.plain : &found.commented;
+    search found = {0};
+    while (!found.data && kn_lines_next(&s->lines)) look_at(&found, &s->lines);
+    const candidate *names = found.plain.line ? &found.plain : &found.commented;
     s->header_line = names->line;
-    s->units_line = below ? units : 0;
+    s->units_line = names->units;
     s->separator = names->separator;
     s->of_rows = found.of_rows;
     return found.data > 0;
@@ -211,7 +211,8 @@ static bool take_names(kn_table_reader *s, const char *line)
 {
     kn_text_cell c;
     char text[KN_HEADING_NAME];
-    const char *begin = line + strspn(line, line[strspn(line, " ")] == '#' ? " #" : " ");
+    bool comment;
+    const char *begin = cells_of(line, &comment);
     int index = 0;
     for (const char *at = begin; kn_text_cell_next(s->separator, &at, &c); index++) {
         kn_text_cell_text(text, sizeof text, &c);
@@ -251,44 +252,46 @@ static bool has_word(const char *name, const char *word)
     return false;
 }
 
-// Give the unit to all columns that have the word in their name and have no unit. Return false if no name contains the
-// word.
-static bool give_unit(kn_table_reader *s, const char *word, const kn_column_unit *unit, const char *unit_text)
+// Read the list of --units, "time=s,modulus=Pa": units of all columns that have the word in their name and no unit. Or
+// read that of --column, "Crosshead=displacement".
+static int take_list(kn_table_reader *s, const char *list, bool roles)
 {
-    bool any = false;
-    for (int c = 0; c < s->columns; c++) {
-        kn_heading *h = &s->column[c].heading;
-        if (!has_word(h->word, word)) continue;
-        any = true;
-        if (h->has_unit) continue;
-        h->has_unit = true;
-        h->unit = *unit;
-        snprintf(h->unit_text, sizeof h->unit_text, "%s", unit_text);
-    }
-    return any;
-}
-
-// Read the list of --units, "time=s,modulus=Pa".
-static int take_given(kn_table_reader *s, const char *units)
-{
-    for (const char *at = units; at && *at;) {
+    const char *option = roles ? "column" : "units";
+    for (const char *at = list; at && *at;) {
         char item[KN_HEADING_NAME], error[100];
-        kn_heading named;
+        kn_heading named, scratch = {0};
         kn_column_unit m;
-        // Each item of the list has the form name=unit.
         const size_t length = strcspn(at, ",");
         snprintf(item, sizeof item, "%.*s", (int)length, at);
         at += length + (at[length] == ',');
         char *mark = strrchr(item, '=');
         if (!mark || mark == item)
-            return kn_complain(s->subcommand, KN_EXIT_USAGE, "--units %s: expected e.g. time=s,modulus=Pa", units);
+            return kn_complain(s->subcommand, KN_EXIT_USAGE, "--%s %s: expected e.g. %s", option, list,
+                               roles ? "Crosshead=displacement" : "time=s,modulus=Pa");
         *mark = '\0';
         kn_heading_read(&named, item);
-        if (!kn_column_unit_parse(&m, mark + 1, error, sizeof error))
-            return kn_complain(s->subcommand, KN_EXIT_USAGE, "--units %s: %s", units, error);
-        if (give_unit(s, named.word, &m, mark + 1)) continue;
-        return kn_table_reader_complain(s, s->header_line, 1, "no column '%s', expected a name of this line in --units",
-                                        item);
+        if (roles && !kn_column_role(&scratch, mark + 1))
+            return kn_complain(s->subcommand, KN_EXIT_USAGE,
+                               "--column %s: '%s' is no quantity, expected time, height, displacement, strain, "
+                               "compliance, load, stress, modulus, frequency, storage, loss, tan or phase",
+                               list, mark + 1);
+        if (!roles && !kn_column_unit_parse(&m, mark + 1, error, sizeof error))
+            return kn_complain(s->subcommand, KN_EXIT_USAGE, "--units %s: %s", list, error);
+        int found = 0;
+        for (int c = 0; c < s->columns; c++) {
+            kn_heading *h = &s->column[c].heading;
+            if (roles ? strcmp(h->word, named.word) != 0 : !has_word(h->word, named.word)) continue;
+            found++;
+            if (roles) kn_column_role(h, mark + 1);
+            if (roles || h->has_unit) continue;
+            h->has_unit = true;
+            h->unit = m;
+            snprintf(h->unit_text, sizeof h->unit_text, "%s", mark + 1);
+        }
+        if (found == 0 || (roles && found > 1))
+            return kn_table_reader_complain(s, s->header_line, 1,
+                                            "%s column '%s', expected a name of this line in --%s",
+                                            found ? "more than one" : "no", item, option);
     }
     return KN_EXIT_OK;
 }
@@ -305,7 +308,8 @@ static int no_table(const kn_table_reader *s)
         s, 1, 1, "no table, expected a line of names like time_s,height_mm and rows of numbers below it");
 }
 
-int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units, const char *subcommand)
+int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units, const char *roles,
+                         const char *subcommand)
 {
     memset(s, 0, sizeof *s);
     s->file = file;
@@ -324,7 +328,8 @@ int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units
         else if (s->lines.number == s->units_line) take_units(s, line);
         else if (line[strspn(line, " \t")] == '#') take_note(s);
     }
-    return take_given(s, units);
+    const int code = take_list(s, roles, true);
+    return code == KN_EXIT_OK ? take_list(s, units, false) : code;
 }
 
 // ---- rows of numbers
@@ -412,6 +417,7 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
                                             "%g in SI units, expected at most %g", value, KN_TABLE_MOST);
         column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
     }
+    if (index > s->longest) s->longest = index;
     for (; index < cells; index++) // if the row has too few cells, treat the absent cells as missing readings
         if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
     if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
@@ -461,7 +467,9 @@ static bool is_skipped(kn_table_reader *s, bool *repeated)
 int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
 {
     int slot[KN_TABLE_COLUMNS], code = KN_EXIT_OK;
-    const int cells = s->columns ? s->column[s->columns - 1].index + 1 : 0;
+    int last = s->columns;
+    while (last > 1 && !*s->column[last - 1].heading.name) last--;
+    const int cells = last ? s->column[last - 1].index + 1 : 0;
     bool repeated = false;
     // slot[i]: the wanted column to which cell i of a row belongs
     for (int i = 0; i < KN_TABLE_COLUMNS; i++) slot[i] = -1;
@@ -480,6 +488,11 @@ int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
     if (code == KN_EXIT_OK && *s->lines.error)
         return kn_table_reader_complain(s, s->lines.number, 1, "%s", s->lines.error);
     if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
+    if (code == KN_EXIT_OK && s->rows > 0 && s->longest < cells)
+        return kn_table_reader_complain(s, s->line[0], 1,
+                                        "no row has more than %d cells below %d names, so the cells may be shifted "
+                                        "against the names, expected as many",
+                                        s->longest, cells);
     if (code == KN_EXIT_OK && s->rows == 0 && s->only.left_out > 0)
         return kn_table_reader_complain(s, s->header_line, s->column[s->only.column].at,
                                         "none of the %d rows has the %s '%s', expected rows with it", s->only.left_out,

@@ -10,7 +10,8 @@
 //     0,3;9,96;M-                            a row; a column that is not requested may hold any text
 //
 // The column names are in the last line of words before the first row of numbers. If the last line of words holds only
-// units, the names are in the line of words above the units. A comment line such as "# time height", which numpy
+// units, the names are in the line of words above the units. At least one row must have a cell for each name; shorter
+// rows lack readings at their end. If all rows are shorter, they may be shifted against the names: the file is refused. A comment line such as "# time height", which numpy
 // writes, is taken as the line of names only if no other line can hold the names.
 //
 // Cells are separated by tabs, semicolons, commas or blanks: the first separator in this order that the line of names
@@ -113,6 +114,7 @@ typedef struct kn_heading {
     char unit_text[KN_HEADING_NAME]; // unit as written in the file; empty: the heading has no unit
     bool has_unit;
     kn_column_unit unit;
+    int role; // 1 + the quantity that --column gives the column; 0: its name says what it holds
 } kn_heading;
 
 // Parse a unit. If the unit is unknown, return false and write one clause to `error`, which may be NULL.
@@ -170,6 +172,7 @@ typedef struct kn_table_reader {
     // of_rows: separator in the rows; separator: separator in the line of names. The two may differ.
     char separator, of_rows;
     int room;    // number of rows for which memory is allocated
+    int longest; // number of cells of the longest row
     bool points; // numbers with decimal points were found
     // The first text found in place of a number. If the line of names is repeated below the text, the text is no error.
     struct {
@@ -182,8 +185,10 @@ typedef struct kn_table_reader {
 } kn_table_reader;
 
 // Open the file and read it up to the line of names. `units` gives the units of columns whose names have no unit, such
-// as "time=s,modulus=Pa"; NULL: not given. `subcommand` is named in error messages.
-int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units, const char *subcommand);
+// as "time=s,modulus=Pa", and `roles` says what columns hold, such as "Crosshead=displacement"; NULL: not given.
+// `subcommand` is named in error messages.
+int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units, const char *roles,
+                         const char *subcommand);
 
 // Read the columns wanted[] of all rows. A cell of these columns that is not a number is an error. If only some rows
 // are to be read, set s->only before this call.
@@ -226,22 +231,26 @@ typedef enum kn_column_quantity {
 // return the name of a quantity, such as "time", "height" or "storage modulus"
 const char *kn_column_quantity_name(kn_column_quantity quantity);
 
-// Return the index of the column that holds a quantity, or -1. A column that certainly holds the quantity
-// (kn_column_is_sure) is preferred. If two columns match equally well, or if the only matching column has no unit or a
-// unit of another dimension, print an error and set *code to an exit code. If `code` is NULL, print nothing.
+// Give a column the quantity whose name, or first word of the name, is `role`. Return false if there is none.
+bool kn_column_role(kn_heading *heading, const char *role);
+
+// Return the index of the column that holds a quantity, or -1. If two columns match equally well, or if the only
+// matching column has no unit or a unit of another dimension, print an error and set *code to an exit code. If `code`
+// is NULL, print nothing.
 int kn_column_find(kn_table_reader *s, kn_column_quantity quantity, int *code);
 
-// Return whether the quantity in a column that was found is certain. It is certain if the column has a unit, or if the
-// quantity needs no unit and the column's name is the quantity's own word or letter. An uncertain column may hold
-// something else, so a column that certainly holds another usable quantity is preferred.
-bool kn_column_is_sure(const kn_heading *column, kn_column_quantity quantity);
-
 // Return the column of the first of `count` quantities for which the table has a column, and set *found to that
-// quantity. A column whose quantity is certain (kn_column_is_sure) is preferred to an uncertain one. If there is no
-// column, return -1. On an error print the error, set *code to an exit code and return -1. *code must be KN_EXIT_OK
-// before the call.
+// quantity. If there is no column, return -1. On an error print the error, set *code to an exit code and return -1.
+// *code must be KN_EXIT_OK before the call.
 int kn_column_find_first(kn_table_reader *s, int count, const kn_column_quantity *wanted, kn_column_quantity *found,
                          int *code);
+
+// Find all columns of time, since some instruments write several clocks. Store at most `most` of them in column[], the
+// preferred one first, and return their number.
+int kn_column_find_clocks(kn_table_reader *s, int most, int column[], int *code);
+
+// List the names of the columns that are of no known quantity, in quotes.
+void kn_column_unknown(const kn_table_reader *s, char *text, size_t size);
 
 // Find several columns of one quantity that are headed by their loads, such as "10 gf [mm]" or "displacement_mm 10 gf".
 // Store the index of each column in column[] and its load in load_n[]. Return the number of columns, at most `most`.

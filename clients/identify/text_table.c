@@ -178,33 +178,6 @@ bool kn_text_cell_next(char separator, const char **at, kn_text_cell *c)
     return true;
 }
 
-// Read a plain decimal number faster than strtod. Up to 15 digits are divided by a power of ten up to 1e15. Both
-// numbers are exact in double precision, so the division rounds correctly. Return false for all other numbers; the
-// caller then uses strtod.
-static bool quick_number(const char *p, const char *end, char point, double *value)
-{
-    static const double ten[] = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
-    const bool minus = *p == '-';
-    uint64_t digits = 0;
-    int count = 0, after = -1;
-    for (p += *p == '-' || *p == '+'; p < end; p++) {
-        if (isdigit((unsigned char)*p)) {
-            digits = 10 * digits + (uint64_t)(*p - '0');
-            count++;
-            after += after >= 0;
-        } else if (*p == point && after < 0) {
-            after = 0;
-        } else {
-            return false;
-        }
-        if (count > 15) return false;
-    }
-    if (count == 0) return false;
-    *value = (double)digits / ten[after > 0 ? after : 0];
-    if (minus) *value = -*value;
-    return true;
-}
-
 kn_text_cell_content kn_text_cell_read(const kn_text_cell *c, char separator, double *value, bool *comma, bool *dot)
 {
     static const char *const missing[] = {"-",    "--",  "---",  "nan",  "na",      "n/a",
@@ -212,11 +185,6 @@ kn_text_cell_content kn_text_cell_read(const kn_text_cell *c, char separator, do
     char text[64];
     if (c->length == 0) return KN_CELL_MISSING;
     const bool may = separator != ',' || c->quoted;
-    // Most cells are plain numbers with a decimal point, so try the fast conversion first.
-    if (quick_number(c->text, c->text + c->length, '.', value)) {
-        if (memchr(c->text, '.', (size_t)c->length)) *dot = true;
-        return KN_CELL_NUMBER;
-    }
     if (c->length >= (int)sizeof text) return KN_CELL_TEXT;
     snprintf(text, sizeof text, "%.*s", c->length, c->text);
     for (size_t i = 0; i < sizeof missing / sizeof *missing; i++)

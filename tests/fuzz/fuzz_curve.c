@@ -50,6 +50,7 @@ static void judge(kn_curve_kind kind, const char *file, const char *units)
     const kn_curve_options options = {.height_m = units ? 0.01 : 0,
                                       .area_m2 = units ? 1e-4 : 0,
                                       .load_n = units ? 0.5 : 0,
+                                      .shear = units != NULL,
                                       .units = units,
                                       .subcommand = "identify creep"};
     int count = 0;
