@@ -152,8 +152,6 @@ static void print_object(const kn_scene *scene, const kn_model *model)
     for (int i = 0; i < model->node_count && def->mesh; i++) held += model->support[i] & 4;
     if (held > 0) printf(", which holds %d of %d nodes", held / 4, model->node_count);
     printf("; gravity %g m/s^2 along -z\n", def->gravity_m_s2);
-    if (held > 0 && held / 4 < 3)
-        printf("          note: so few nodes hold no object in place; support_depth holds more\n");
     if (held / 4 == model->node_count) printf("          note: the object cannot move; expected less support_depth\n");
 }
 
@@ -245,12 +243,13 @@ static void print_sag(const kn_model_def *def)
     if (def->support == KN_SUPPORT_BONDED) base = def->pressure == KN_PRESSURE_NONE ? 0.85 : 0.58;
     double extent_m[3];
     kn_model_def_extent(def, extent_m);
-    double weight_pa = def->density_kg_m3 * g * extent_m[2];
-    double sag = base * 0.5 * weight_pa * kn_material_compliance(&def->material, seconds);
+    const double height_m = extent_m[2] - (def->mesh ? fmin(def->support_depth_m, extent_m[2]) : 0); // what can sag
+    double weight_pa = def->density_kg_m3 * g * height_m;
+    double sag = base * 0.5 * weight_pa * kn_material_compliance(&def->material, seconds) * height_m / extent_m[2];
     // A lattice without diagonals collapses and an object without support falls, so there is no sag to predict.
     if (def->structure == KN_STRUCTURE_AXIS || def->support == KN_SUPPORT_NONE) return;
     // `flown` is the share of the height that the object loses after the first second.
-    double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1);
+    double flown = sag - base * 0.5 * weight_pa * kn_material_compliance(&def->material, 1) * height_m / extent_m[2];
     printf("sag       %s%.2g %% of its height in %g s under %.3g m/s^2%s\n", sag < 0.2 ? "about " : "more than ",
            100 * fmin(sag, 0.2), seconds, g, def->gravity_m_s2 > 0 ? "" : ", although the scene has no gravity");
     if (flown > 0.02 && def->gravity_m_s2 > 0)

@@ -31,8 +31,10 @@ static const char help[] =
     "The quality of the regular tetrahedron or triangle is 1.\n\n"
     "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
     "  -o OUT.msh          output mesh, in Gmsh's format 4.1, in the unit of the surface\n"
-    "  --size LENGTH       approximate length of an edge: 5mm, '0.5 cm'\n"
-    "  --tool gmsh|tetgen  meshing program (default: gmsh).\n"
+    "  --size LENGTH       approximate length of an edge: 5mm, '0.5 cm'. If the mesh has 5 % more or less volume than\n"
+    "                      the surface, a smaller size is taken and told\n"
+    "  --tool gmsh|tetgen  meshing program (default: gmsh, then tetgen if gmsh cannot fill the surface, or has\n"
+    "                      not done so after a minute of processor time and 0.2 ms for each tetrahedron).\n"
     "                      gmsh replaces the triangles of the surface, tetgen keeps them and adds more\n"
     "  --unit m|cm|mm|um   unit of the coordinates in the file (default: mm)\n\n"
     "Refused, with file:line:col: a surface with a hole, an edge of three or more triangles, or two separate pieces.\n"
@@ -115,6 +117,7 @@ enum { EXIT_NO_PROGRAM = 127, LINE_BYTES = 200 };
 typedef struct job {
     char folder[PATH_MAX];
     const char *program;
+    rlim_t work_s;
     char *error;
     size_t error_size;
 } job;
@@ -145,8 +148,8 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
 // holds the preferences that gmsh's toolkit writes.
 static void remove_folder(const job *j) { nftw(j->folder, remove_one, 8, FTW_DEPTH | FTW_PHYS); }
 
-// Largest processor time of an external program, s. A mesh of a million tetrahedra takes a third of this time.
-enum { WORK_S = 300 };
+// Return the largest processor time of an external program, s, for a number of tetrahedra. A million take 100 s.
+static rlim_t work_s(double count) { return (rlim_t)(60 + 2e-4 * count); }
 
 // Replace this child process by the external program. Its home is the temporary folder, so that settings of the user do
 // not change the mesh.
@@ -160,13 +163,13 @@ static void become(const job *j, char *const *argv)
     dup2(log, STDERR_FILENO);
     setenv("HOME", j->folder, 1);
     // Limit the processor time, because gmsh never finishes on some surfaces, e.g. that of a single tetrahedron.
-    setrlimit(RLIMIT_CPU, &(struct rlimit){WORK_S, WORK_S + 5});
+    setrlimit(RLIMIT_CPU, &(struct rlimit){j->work_s, j->work_s + 5});
     execvp(argv[0], argv);
     _exit(errno == ENOENT ? EXIT_NO_PROGRAM : 1);
 }
 
-// Wait until the child ends, and kill it after an interrupt. On a terminal, show once a second that the child is
-// working, because the child may print nothing for minutes.
+// Wait until the child ends, and kill it after an interrupt. Show that the child is working, because it may print
+// nothing for minutes: once a second on a terminal, else in a line every ten seconds.
 static int attend(const job *j, pid_t child)
 {
     static const struct timespec pause = {0, 20000000};
@@ -177,7 +180,8 @@ static int attend(const job *j, pid_t child)
          (ended = waitpid(child, &status, WNOHANG)) == 0 || (ended < 0 && errno == EINTR); told = now) {
         if (kn_interrupted && ended == 0) kill(child, SIGKILL);
         now = time(NULL) - start;
-        if (watched && now != told) fprintf(stderr, "\r%s at work: %lld s", j->program, (long long)now);
+        if (now != told && (watched || (now > 0 && now % 10 == 0)))
+            fprintf(stderr, watched ? "\r%s at work: %lld s" : "%s at work: %lld s\n", j->program, (long long)now);
         nanosleep(&pause, NULL);
     }
     if (watched) fprintf(stderr, "\r%40s\r", "");
@@ -223,7 +227,7 @@ static int judge(const job *j, int status)
     }
     // The signal SIGXCPU means that the program has reached the limit of processor time.
     bool endless = WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU;
-    if (endless) snprintf(reason, sizeof reason, "not done after %d s, expected --tool tetgen or another size", WORK_S);
+    if (endless) snprintf(reason, sizeof reason, "not done after %d s of processor time", (int)j->work_s);
     else find_reason(j, reason);
     snprintf(j->error, j->error_size, "%s cannot fill this surface: %s", j->program, reason);
     return KN_EXIT_USAGE;
@@ -364,13 +368,19 @@ static int run_tetgen(job *j, const kn_shell *shell, double size, double units_p
     return *made ? KN_EXIT_OK : unusable(j, what);
 }
 
+// Estimate the number of tetrahedra with this edge length.
+static double tetrahedra(const kn_shell *shell, double size) { return shell->volume / (0.08 * size * size * size); }
+
 // Fill a surface. `size` is the desired edge length, in the length unit of the surface. `units_per_m` is the number of
 // these units in a metre. `*made` is in metres and has passed kn_simplices_check. Return an exit code KN_EXIT_*. If it
 // is not KN_EXIT_OK, one line in error gives the reason.
 static int run_mesher(mesher tool, const kn_shell *shell, double size, double units_per_m, kn_simplices **made,
                       char *error, size_t error_size)
 {
-    job j = {.program = tool == MESHER_GMSH ? "gmsh" : "tetgen", .error = error, .error_size = error_size};
+    job j = {.program = tool == MESHER_GMSH ? "gmsh" : "tetgen",
+             .work_s = work_s(tetrahedra(shell, size)),
+             .error = error,
+             .error_size = error_size};
     // From here on, a signal stops the external program, and the temporary folder is removed in that case as well.
     kn_interrupt_watch();
     int code = KN_EXIT_DEVICE;
@@ -453,25 +463,69 @@ static int save_mesh(const options *o, const kn_simplices *s)
     return kn_output_close(&file, mesh);
 }
 
-// Fill the surface with tetrahedra, save the mesh and check the saved mesh.
-static int fill(const options *o, const kn_shell *shell)
+// Return the volume of the mesh over that of the surface.
+static double filled(const options *o, const kn_shell *shell, const kn_simplices *s)
 {
-    char error[512];
-    kn_simplices *s = NULL;
+    kn_simplices_measures m;
+    return kn_simplices_measure(s, &m) ? m.volume * pow(o->units_per_m, 3) / shell->volume : 0;
+}
+
+// Fill the surface with tetrahedra of an edge length. If gmsh fails and no program was asked for, let tetgen try.
+static int fill_size(const options *o, const kn_shell *shell, double size, kn_simplices **s)
+{
+    char error[512], first[512];
     // Estimate the number of tetrahedra first, because the external program may run for minutes.
-    double size = o->size_m * o->units_per_m, count = shell->volume / (0.08 * size * size * size);
+    const double count = tetrahedra(shell, size);
     if (count > KN_SIMPLICES_ELEMENTS_MAX)
         return kn_complain(mesh, KN_EXIT_USAGE, "--size: %g mm would make about %.1g tetrahedra, expected at most %d",
-                           1e3 * o->size_m, count, KN_SIMPLICES_ELEMENTS_MAX);
+                           1e3 * size / o->units_per_m, count, KN_SIMPLICES_ELEMENTS_MAX);
     if (isatty(STDERR_FILENO)) fprintf(stderr, "about %.2g tetrahedra\n", fmax(count, 1));
     int code =
-        run_mesher(o->tool > 0 ? MESHER_TETGEN : MESHER_GMSH, shell, size, o->units_per_m, &s, error, sizeof error);
-    if (code != KN_EXIT_OK) return kn_complain(mesh, code, "%s: %s", o->in, error);
-    code = save_mesh(o, s);
+        run_mesher(o->tool > 0 ? MESHER_TETGEN : MESHER_GMSH, shell, size, o->units_per_m, s, error, sizeof error);
+    if (code == KN_EXIT_USAGE && o->tool < 0) {
+        snprintf(first, sizeof first, "%s", error);
+        code = run_mesher(MESHER_TETGEN, shell, size, o->units_per_m, s, error, sizeof error);
+        if (code == KN_EXIT_OK) fprintf(stderr, "knead mesh: %s; tetgen has filled it\n", first);
+        else return kn_complain(mesh, KN_EXIT_USAGE, "%s: %s; %s; expected another --size", o->in, first, error);
+    }
+    return code == KN_EXIT_OK ? code : kn_complain(mesh, code, "%s: %s", o->in, error);
+}
+
+// Largest difference of the mesh's volume from the surface's, and number of smaller sizes that are tried.
+#define VOLUME_OFF 0.05
+enum { SIZES = 12 };
+
+// Fill the surface, with a smaller size while the mesh cuts off too much, save the mesh and check the saved mesh.
+static int fill(const options *o, const kn_shell *shell)
+{
+    kn_simplices *s = NULL;
+    double size = o->size_m * o->units_per_m, off = 0;
+    for (int i = 0; i <= SIZES; i++, size *= 0.7) {
+        const int code = fill_size(o, shell, size, &s);
+        if (code != KN_EXIT_OK) return code;
+        if (fabs(off = filled(o, shell, s) - 1) <= VOLUME_OFF) break;
+        fprintf(stderr, "knead mesh: with edges of %.3g mm the volume of the mesh is off by %+.0f %%\n",
+                1e3 * size / o->units_per_m, 100 * off);
+        kn_simplices_destroy(s);
+        s = NULL;
+    }
+    if (!s)
+        return kn_complain(mesh, KN_EXIT_USAGE,
+                           "%s: no mesh within %.0f %% of the volume down to edges of %.3g mm, expected "
+                           "a smaller --size or --tool tetgen",
+                           o->in, 100 * VOLUME_OFF, 1e3 * size / 0.7 / o->units_per_m);
+    const int code = save_mesh(o, s);
     kn_simplices_destroy(s);
     if (code != KN_EXIT_OK) return code;
     printf("surface   %s: %d triangles, closed, %.4g cm^3 inside\n", o->in, shell->triangle_count,
            shell->volume * pow(1e2 / o->units_per_m, 3));
+    if (shell->welded > 0)
+        printf("          %d corners up to %.2g mm apart were welded\n", shell->welded,
+               1e3 * shell->gap / o->units_per_m);
+    if (size < o->size_m * o->units_per_m)
+        printf("          edges of %.3g mm instead of %.3g mm, because larger ones change the volume by more than %.0f "
+               "%%\n",
+               1e3 * size / o->units_per_m, 1e3 * o->size_m, 100 * VOLUME_OFF);
     return check_mesh(o, o->out); // load and check the file in the same way as when a scene is loaded
 }
 

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -153,8 +154,55 @@ static bool take_measures(kn_draft *draft)
     return true;
 }
 
+static int by_height(const void *a, const void *b)
+{
+    const double *p = a, *q = b;
+    return (p[2] > q[2]) - (p[2] < q[2]);
+}
+
+// Return the squared area, times 4, of the triangle from the first node to p and q.
+static double area4(const double o[3], const double p[3], const double q[3])
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        const double c = (p[i] - o[i]) * (q[j] - o[j]) - (p[j] - o[j]) * (q[i] - o[i]);
+        sum += c * c;
+    }
+    return sum;
+}
+
+// Refuse a bonded support whose nodes lie on one line (in a flat mesh: at one point), because the object could turn.
+static bool check_support(kn_draft *draft)
+{
+    const kn_simplices *s = draft->scene.mesh;
+    const size_t count = (size_t)s->node_count;
+    double(*x)[3] = malloc(count * sizeof *x), size = 0, least_m;
+    if (!x) return kn_draft_complain(draft, draft->at[0][KN_KEY_MESH], "not enough memory for the mesh");
+    memcpy(x, s->x_m, count * sizeof *x);
+    qsort(x, count, sizeof *x, by_height);
+    for (size_t i = 0; i < count; i++)
+        for (int k = 0; k < 3; k++) size = fmax(size, fabs(x[i][k] - x[0][k]));
+    // go up until a node is apart from the lowest one, then until one is off the line through both
+    size_t second = 1, third;
+    while (second + 1 < count &&
+           hypot(hypot(x[second][0] - x[0][0], x[second][1] - x[0][1]), x[second][2] - x[0][2]) < 1e-3 * size)
+        second++;
+    third = s->dimension == 2 ? second : second + 1;
+    while (s->dimension == 3 && third + 1 < count && area4(x[0], x[second], x[third]) < pow(1e-3 * size, 4)) third++;
+    least_m = x[third][2] - x[0][2];
+    const double held_m = fmax(draft->scene.model.support_depth_m, 1e-6 * (x[count - 1][2] - x[0][2]));
+    free(x);
+    return least_m <= held_m ||
+           kn_draft_complain(draft, draft->at[0][KN_KEY_SUPPORT],
+                             "support: bonded holds only nodes on one line, about which the object turns, expected "
+                             "support_depth of %.3g mm or more",
+                             1010 * least_m);
+}
+
 bool kn_draft_mesh(kn_draft *draft)
 {
     static const kn_draft_file file = {0, KN_KEY_MESH, KN_KEY_MESH_HASH, "a Gmsh mesh", load_mesh};
-    return kn_draft_read(draft, &file) && take_measures(draft);
+    return kn_draft_read(draft, &file) && take_measures(draft) &&
+           (draft->scene.model.support != KN_SUPPORT_BONDED || check_support(draft));
 }

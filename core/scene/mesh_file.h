@@ -8,7 +8,7 @@
 
 // --- Gmsh meshes ----------------------------------------------------------------------------------------------------
 
-// Reader of Gmsh meshes: .msh 2.2 and 4.1, ASCII and binary.
+// Reader of Gmsh meshes: .msh 2.0 to 2.2, and 4.1, ASCII and binary.
 // https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format
 //
 // Four-node tetrahedra make an object in three dimensions. The points, lines and surface triangles that Gmsh saves with
@@ -38,8 +38,8 @@ kn_simplices *kn_msh_load(const char *path, double units_per_m, kn_msh_facts *fa
 // --- closed surfaces ------------------------------------------------------------------------------------------------
 
 // The closed surface of a solid as triangles, from an OBJ or STL file (text or binary). `knead mesh` fills the surface
-// with tetrahedra, and a tool may have a surface as its shape (core/field.h). Corners at the same position become one
-// vertex. Polygons become fans of triangles. Triangles of which two corners are the same vertex are dropped.
+// with tetrahedra, and a tool may have a surface as its shape (core/field.h). Corners at the same place, up to 5e-6 of
+// the largest coordinate, become one vertex. Polygons become fans of triangles. Triangles of which two corners are the same vertex are dropped.
 //
 // The surface must be watertight: every edge belongs to two triangles, which run along the edge in opposite directions.
 // There must be only one closed surface, because the space between two surfaces might be solid or empty. An error names
@@ -53,6 +53,8 @@ typedef struct kn_shell {
     int (*triangle)[3]; // [triangle_count] vertices of each triangle
     double volume;      // enclosed volume, in the cube of the file's unit
     double extent;      // longest side of the bounding box, in the file's unit
+    int welded;         // number of corners that were moved to a vertex, because rounding had set them apart
+    double gap;         // farthest of them, in the file's unit
 } kn_shell;
 
 #define KN_SHELL_TRIANGLES_MAX (1 << 20) // largest number of triangles in a file

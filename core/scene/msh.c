@@ -31,6 +31,8 @@ typedef struct reader {
 #define integer(r, ...) kn_words_integer(&(r)->words, __VA_ARGS__)
 static const kn_width INT = KN_WIDTH_INT, LONG = KN_WIDTH_LONG; // widths of int and size_t in a Gmsh file
 
+#define CONVERT "gmsh -0 IN.msh -save -format msh41 -o OUT.msh" // the command that writes version 4.1
+
 // ---- sections
 
 // Read the section $MeshFormat: the version, 0 for text or 1 for binary, and the bytes of a real. In a binary file the
@@ -41,12 +43,12 @@ static bool read_format(reader *r)
     long binary, bytes, one = 1;
     if (kn_words_next(&r->words, text) == 0)
         return complain(r, r->words.at, "the file ends here, expected the version");
-    bool known = strcmp(text, "2.2") == 0 || strcmp(text, "4.1") == 0;
+    // versions 2.0 to 2.2 have one layout
+    bool known = strcmp(text, "4.1") == 0 || strcmp(text, "2") == 0 ||
+                 (strlen(text) == 3 && strncmp(text, "2.", 2) == 0 && text[2] >= '0' && text[2] <= '2');
     if (!known) {
         bool number = strspn(text, "0123456789.") == strlen(text) && strlen(text) < 8;
-        return complain(r, r->words.begun,
-                        "MSH version %s, expected 2.2 or 4.1: gmsh -0 IN.msh -save -format msh41 -o OUT.msh",
-                        number ? text : "unknown");
+        return complain(r, r->words.begun, "MSH version %s, expected 2.2 or 4.1: " CONVERT, number ? text : "unknown");
     }
     int version = *text - '0';
     if (!integer(r, INT, 0, 1, &binary, "0 for text or 1 for binary") ||
@@ -60,7 +62,7 @@ static bool read_format(reader *r)
     if (one != 1)
         return complain(r, r->words.begun,
                         "the bytes are in the order of another machine, expected little-endian: on that "
-                        "machine, run gmsh -0 IN.msh -save -format msh41 -o OUT.msh");
+                        "machine, run " CONVERT);
     r->version = version;
     return kn_words_section_end(&r->words);
 }
@@ -293,6 +295,8 @@ static bool read_sections(reader *r)
     char name[KN_WORD_MAX];
     while (kn_words_next(&r->words, name) > 0) {
         bool format = strcmp(name, "$MeshFormat") == 0, good;
+        if (r->version == 0 && strcmp(name, "$NOD") == 0)
+            return complain(r, r->words.begun, "MSH version 1, expected 2.2 or 4.1: " CONVERT);
         if (r->version == 0 && !format)
             return complain(r, r->words.begun,
                             "not a Gmsh mesh, expected $MeshFormat (knead mesh makes one from a surface)");

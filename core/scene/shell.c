@@ -55,7 +55,7 @@ static bool add(reader *r, size_t at, const double x[3][3])
     for (int k = 0; k < 3; k++) {
         corner *c = &r->corner[3 * r->triangles + k];
         c->number = 3 * r->triangles + k;
-        for (int i = 0; i < 3; i++) c->x[i] = x[k][i] + 0.0; // -0 becomes 0, because memcmp compares corners
+        for (int i = 0; i < 3; i++) c->x[i] = x[k][i] + 0.0; // -0 becomes 0
     }
     r->place[r->triangles] = (place){at, r->triangles + 1};
     r->triangles++;
@@ -72,16 +72,18 @@ enum { STL_HEAD = 84, STL_EACH = 50 };
 // tell, because the free bytes of a binary file may begin with "solid", too.
 static bool is_binary_stl(const kn_words *w) { return memchr(w->bytes, 0, w->size < STL_HEAD ? w->size : STL_HEAD); }
 
-// Read a binary STL file. The size of the file must match the count of triangles. The normals are ignored.
+// Read a binary STL file. The normals are ignored, and so is what some programs append after the last triangle: if the
+// count left triangles out, the surface would have holes.
 static bool read_binary_stl(reader *r)
 {
     uint32_t count = 0;
     r->words.binary = true;
     if (r->words.size >= STL_HEAD) memcpy(&count, r->words.bytes + STL_HEAD - sizeof count, sizeof count);
-    if (r->words.size < STL_HEAD || r->words.size - STL_HEAD != STL_EACH * (size_t)count)
+    const size_t end = STL_HEAD + STL_EACH * (size_t)count;
+    if (r->words.size < end)
         return complain(r, STL_HEAD - sizeof count, "%u triangles are declared, expected %zu bytes for them, not %zu",
-                        count, STL_HEAD + STL_EACH * (size_t)count, r->words.size);
-    for (size_t at = STL_HEAD; at < r->words.size; at += STL_EACH) {
+                        count, end, r->words.size);
+    for (size_t at = STL_HEAD; at < end; at += STL_EACH) {
         float corners[9];
         double x[3][3];
         memcpy(corners, r->words.bytes + at + 12, sizeof corners);
@@ -94,7 +96,16 @@ static bool read_binary_stl(reader *r)
     return true;
 }
 
-// Read a text STL file. Only the words facet, vertex and endfacet matter; other words are skipped.
+// Read the next word in small letters. Return false at the end of the file.
+static bool next_keyword(reader *r, char text[KN_WORD_MAX])
+{
+    const bool more = kn_words_next(&r->words, text) > 0;
+    for (char *c = text; more && *c; c++) *c = (char)tolower((unsigned char)*c);
+    return more;
+}
+
+// Read a text STL file. Only the words facet, vertex and endfacet matter, in letters of any size; other words are
+// skipped.
 static bool read_text_stl(reader *r)
 {
     char text[KN_WORD_MAX];
@@ -102,10 +113,10 @@ static bool read_text_stl(reader *r)
     size_t at = 0;
     int corners = 0;
     r->words.section = "a facet";
-    if (kn_words_next(&r->words, text) == 0 || strcmp(text, "solid") != 0)
+    if (!next_keyword(r, text) || strcmp(text, "solid") != 0)
         return complain(r, r->words.begun, "not an STL file: neither binary nor text, expected 'solid'");
     while (r->words.at < r->words.size && r->words.bytes[r->words.at] != '\n') r->words.at++; // skip the solid's name
-    while (kn_words_next(&r->words, text) > 0) {
+    while (next_keyword(r, text)) {
         if (strcmp(text, "facet") == 0) at = r->words.begun, corners = 0;
         if (strcmp(text, "endfacet") == 0 && corners != 3)
             return complain(r, r->words.begun, "a facet of %d corners, expected 3", corners);
@@ -198,31 +209,45 @@ static bool read_obj(reader *r)
 
 // ---- triangles to surface
 
-// Compare two corners for qsort by their coordinates. Order corners at the same position by their numbers.
-static int by_place(const void *a, const void *b)
+// Corners that are closer together than this share of the largest coordinate are one vertex: programs write numbers of
+// six digits and more, and round a corner differently in each triangle.
+#define WELD 5e-6
+
+// Return a coordinate along a slanted axis: few corners of a surface with flat sides share it.
+static double slant(const double x[3]) { return 0.61 * x[0] + 0.29 * x[1] + 0.1 * x[2]; }
+
+static int by_slant(const void *a, const void *b)
 {
     const corner *p = a, *q = b;
-    for (int k = 0; k < 3; k++)
-        if (p->x[k] != q->x[k]) return p->x[k] < q->x[k] ? -1 : 1;
-    return p->number - q->number;
+    const double u = slant(p->x), v = slant(q->x);
+    return u != v ? (u < v ? -1 : 1) : p->number - q->number;
 }
 
-// Merge corners at the same position into one vertex. Then drop triangles of which two corners are the same vertex.
+// Merge corners at the same place into one vertex, and count those that were apart. Then drop triangles of which two
+// corners are the same vertex.
 static kn_shell *weld(reader *r)
 {
     size_t corners = 3 * (size_t)r->triangles;
+    double most = 0;
     kn_shell *s = calloc(1, sizeof *s);
     if (!s || corners == 0) return s;
     s->x = malloc((corners + 1) * sizeof *s->x);
     s->triangle = malloc((corners / 3 + 1) * sizeof *s->triangle);
     if (!s->x || !s->triangle) return kn_shell_destroy(s), NULL;
-    // after sorting, corners at the same position are neighbours
-    qsort(r->corner, corners, sizeof *r->corner, by_place);
+    for (size_t i = 0; i < corners; i++)
+        for (int k = 0; k < 3; k++) most = fmax(most, fabs(r->corner[i].x[k]));
+    // after sorting, the vertices that may be the same as a corner are the last ones
+    qsort(r->corner, corners, sizeof *r->corner, by_slant);
     for (size_t i = 0; i < corners; i++) {
         const corner *c = &r->corner[i];
-        bool known = i > 0 && memcmp(c[0].x, c[-1].x, sizeof c->x) == 0;
-        if (!known) memcpy(s->x[s->vertex_count++], c->x, sizeof c->x);
-        s->triangle[c->number / 3][c->number % 3] = s->vertex_count - 1;
+        int v = s->vertex_count;
+        double apart = INFINITY;
+        while (v-- > 0 && slant(c->x) - slant(s->x[v]) <= WELD * most && apart > WELD * most)
+            apart = fmax(fmax(fabs(c->x[0] - s->x[v][0]), fabs(c->x[1] - s->x[v][1])), fabs(c->x[2] - s->x[v][2]));
+        v = apart > WELD * most ? s->vertex_count++ : v + 1;
+        if (apart > WELD * most) memcpy(s->x[v], c->x, sizeof c->x);
+        else if (apart > 0) s->welded++, s->gap = fmax(s->gap, apart);
+        s->triangle[c->number / 3][c->number % 3] = v;
     }
     for (int t = 0; t < r->triangles; t++) {
         const int *v = s->triangle[t];

@@ -92,7 +92,25 @@ for tool in gmsh tetgen; do
 done
 knead mesh "$surface" -o metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "--unit cm does not scale the surface"
 
-# A terminal shows that a program is at work; a log does not.
+# Text in letters of any size, what a program appends, and corners that rounding has set apart.
+sed 's/[A-Za-z]*/\U&/g' "$KN_SOURCE/tests/clients/surfaces/block.stl" >upper.stl
+(sed 's/facet/Facet/; s/vertex/VERTEX/' "$KN_SOURCE/tests/clients/surfaces/block.stl" && printf '; made by\n\032') >mixed.stl
+(cat "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" && printf 'MATERIAL=clay, colour=red, and so on for more than fifty bytes') >tail.stl
+awk '/vertex/ { $2 += 1e-4 * (NR % 3 - 1) } 1' "$KN_SOURCE/tests/clients/surfaces/block.stl" >apart.stl
+for file in upper mixed tail apart; do
+    knead mesh $file.stl -o odd.msh --size 1cm >out 2>err && grep -q "12 triangles, closed, 75 cm^3 inside" out || fail "$file: $(cat out err)"
+done
+grep -q "corners up to 0.0002 mm apart were welded" out || fail "welding is not told: $(cat out)"
+
+# A size that cuts off too much is made smaller. If gmsh cannot fill a surface, tetgen does.
+awk 'BEGIN { n = 48; for (i = 0; i < n; i++) for (z = 0; z < 2; z++) printf "v %.6f %.6f %d\n", 10 * cos(6.2831853 * i / n), 10 * sin(6.2831853 * i / n), 10 * z
+    printf "f"; for (i = n - 1; i >= 0; i--) printf " %d", 2 * i + 1; printf "\nf"; for (i = 0; i < n; i++) printf " %d", 2 * i + 2; print ""
+    for (i = 0; i < n; i++) { j = (i + 1) % n; print "f", 2 * i + 1, 2 * j + 1, 2 * j + 2, 2 * i + 2 } }' >pin.obj
+knead mesh pin.obj -o pin.msh --size 9mm >out 2>err && grep -q "instead of 9 mm, because larger ones change the volume by more than 5 %" out || fail "pin: $(cat out err)"
+awk '/volume/ { v = $(NF - 1) } END { exit !(v > 2.97 && v < 3.28) }' out || fail "the volume of the pin: $(cat out)"
+knead mesh pin.obj -o pin.msh --size 10cm >out 2>err && grep -q "instead of 100 mm\|tetgen has filled it" out err || fail "a size above the object: $(cat out err)"
+
+# A terminal shows that a program is at work; a log does so every ten seconds.
 script -qec "knead mesh $surface -o watched.msh --size 1cm" watched </dev/null >/dev/null
 grep -q "gmsh at work: 0 s" watched || fail "no progress is shown on a terminal while gmsh is at work"
 knead mesh "$surface" -o watched.msh --size 1cm 2>err >/dev/null
