@@ -437,6 +437,7 @@ static bool start_threads(server *d, const kn_daemon_def *def, char *error, size
     kn_helper_raise(d->on.helper, &d->rt);
     d->check.rest_ns = kn_served_object_measure(&d->on.backend, NULL);
     d->operator.served_ns = kn_served_object_measure(&d->on.backend, d->on.model);
+    kn_servo_begin(&d->loop.servo, d->on.settled);
     d->loop.free = def->free;
     d->loop.notify = notify;
     d->loop.notify_arg = d;

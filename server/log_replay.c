@@ -109,6 +109,7 @@ static bool build(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         return false;
     }
     kn_servo_init(&r->servo, r->scene, r->model, &r->backend);
+    kn_servo_begin(&r->servo, r->settled = kn_scene_settle(r->model));
     return true;
 }
 
@@ -160,6 +161,7 @@ static void resume(kn_replay *r)
     reading *v = r->private;
     r->backend.restore(r->backend.self, v->saved.state);
     kn_saved_resume(&v->saved, &r->servo);
+    r->servo.untouched = r->settled && v->saved.state_hash == r->servo.settled_hash;
     r->resumed_tick = v->tick = v->saved.tick;
     r->tick.in.stop = r->servo.stopping;
     v->touched = true;
@@ -333,6 +335,7 @@ void kn_replay_destroy(kn_replay *r)
     }
     free(v);
     if (r->backend.destroy) r->backend.destroy(r->backend.self);
+    kn_state_destroy(r->settled);
     kn_model_destroy(r->model);
     kn_scene_destroy(r->scene);
     free(r);

@@ -80,7 +80,8 @@ typedef struct kn_replay_tally { // counts of ticks and records, and of records 
 
 typedef struct kn_replay {
     kn_scene *scene;
-    kn_model *model; // model at the log's beginning; kn_replay_model returns the present model
+    kn_model *model;   // model at the log's beginning; kn_replay_model returns the present model
+    kn_state *settled; // the object at rest (kn_scene_settle)
     // Number of model changes so far; use this number to detect a change, because a new model may reuse the old
     // address.
     int changes;

@@ -150,6 +150,7 @@ static void restore(kn_tick *t, const kn_state *state, int64_t generation, int64
     e->arg[0] = (double)generation;
     e->arg[1] = (double)from_tick;
     t->out->restored_hash = t->hash;
+    t->servo->untouched = t->servo->settled && t->hash == t->servo->settled_hash;
 }
 
 // Replace the object by the newest undo point. An undo saves no undo point, so repeated undos go further back.
@@ -170,6 +171,7 @@ static void replace(kn_tick *t)
     if (t->in->reset) {
         begin_replacement(t);
         b->reset(b->self);
+        kn_servo_begin(t->servo, t->servo->settled);
         kn_tick_event(t, KNEAD_EVENT_T_KIND_RESET, -1);
     }
     if (t->in->restore) {
@@ -192,6 +194,9 @@ static void adopt_change(kn_tick *t)
     servo->backend = &c->backend;
     servo->settings = &c->settings;
     servo->audit = c->audit ? kn_audit_read(c->audit) : NULL;
+    servo->settled = c->settled;
+    servo->settled_hash = c->settled ? kn_state_hash(c->model, c->settled) : 0;
+    servo->untouched = false;
     // drop the undo points, because they hold states of the old material
     if (servo->undo) {
         servo->undo->count = 0;

@@ -108,6 +108,23 @@ static const char *build(kn_scene_change *c, const kn_scene *now, const kn_model
     return fits && (c->audit || !audits) ? NULL : "not enough memory";
 }
 
+kn_state *kn_scene_settle(const kn_model *model)
+{
+    kn_backend b = {0};
+    kn_state *state = NULL;
+    const kn_input nobody = {0};
+    kn_output output;
+    const bool settles = model->def.gravity_m_s2 > 0 && model->def.support != KN_SUPPORT_NONE;
+    if (settles && kn_backend_cpu(&b, model)) state = kn_state_create(model);
+    for (int i = 0; state && i < KN_SETTLE_TICKS; i++) {
+        b.submit(b.self, &nobody);
+        b.wait(b.self, 0, &output);
+    }
+    if (state) kn_state_copy(model, state, b.state(b.self));
+    if (b.destroy) b.destroy(b.self);
+    return state;
+}
+
 kn_scene_change *kn_scene_change_create(kn_scene *scene, const kn_scene *now, const kn_model *model, bool identify,
                                         char *error, size_t error_size)
 {
@@ -117,7 +134,7 @@ kn_scene_change *kn_scene_change_create(kn_scene *scene, const kn_scene *now, co
     if (c) {
         c->scene = scene;
         wrong = build(c, now, model, identify, why, sizeof why);
-        if (!wrong) return c;
+        if (!wrong) return c->settled = kn_scene_settle(c->model), c;
         kn_scene_change_destroy(c);
     } else {
         kn_scene_destroy(scene);
@@ -132,6 +149,7 @@ void kn_scene_change_destroy(kn_scene_change *change)
     if (!change) return;
     kn_audit_destroy(change->audit);
     kn_state_destroy(change->carried);
+    kn_state_destroy(change->settled);
     if (change->backend.destroy) change->backend.destroy(change->backend.self);
     kn_model_destroy(change->model);
     kn_scene_destroy(change->scene);

@@ -42,10 +42,17 @@ typedef struct kn_scene_change {
     kn_audit *audit; // energy audit; NULL: the solver has no audit
     // Number of units of work that a step may take in the new model (kn_served_object_deadline); 0: unchanged.
     int64_t deadline;
+    kn_state *settled;    // the object at rest in the new model (kn_scene_settle)
     kn_settings settings; // settings made at run time: with them, the scene of the server's start becomes `scene`
     // The object's state in the new model, as of the tick that adopted the change.
     kn_state *carried;
 } kn_scene_change;
+
+// Number of ticks in which an object under gravity settles before its first tick.
+#define KN_SETTLE_TICKS 1000
+// Return the settled state of a model, KN_SETTLE_TICKS ticks of its own weight after the undeformed state. The caller
+// destroys it. Return NULL if there is no gravity, nothing holds the object, or memory is short. Not real-time.
+kn_state *kn_scene_settle(const kn_model *model);
 
 // Build a change to `scene`, and take ownership of `scene`, also on failure. `now` and `model` are the scene and the
 // model being served. If `identify` is true, the new backend identifies local contact models (core/contact_model.h)

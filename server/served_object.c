@@ -126,6 +126,7 @@ static bool build(kn_served_object *s, const kn_served_object_def *def, int *cod
     // a circuit's queue of ticks may use the rest of the memory
     const size_t free_bytes = memory_available();
     if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;
+    s->settled = kn_scene_settle(s->model);
     // build the energy audit, and prepare local contact models; only the implicit solver supports both
     s->audit = kn_audit_create(s->model);
     if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT)
@@ -267,6 +268,7 @@ void kn_served_object_free(kn_served_object *served)
     kn_served_object *s = served;
     kn_helper_destroy(s->helper);
     kn_audit_destroy(s->audit);
+    kn_state_destroy(s->settled);
     if (s->backend.destroy) s->backend.destroy(s->backend.self);
     kn_model_destroy(s->model);
     if (s->scene != s->base) kn_scene_destroy(s->scene);

@@ -23,6 +23,7 @@ typedef struct kn_served_object {
     kn_settings settings; // settings restored from the newest snapshot
     kn_model *model;      // model of `scene`
     kn_backend backend;
+    kn_state *settled; // the object at rest (kn_scene_settle)
     kn_audit *audit;   // energy audit; NULL: the solver has no audit
     kn_helper *helper; // second thread of a step; NULL: none
     char alone[64];    // reason why there is no second thread although the scene asks for one; "": none

@@ -41,6 +41,15 @@ void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model
     for (int p = 0; p < KN_PROBES_MAX; p++) kn_safety_init(&servo->safety[p], &scene->limits);
 }
 
+void kn_servo_begin(kn_servo *servo, const kn_state *settled)
+{
+    servo->settled = settled;
+    servo->untouched = settled;
+    if (!settled) return;
+    servo->settled_hash = kn_state_hash(servo->model, settled);
+    servo->backend->restore(servo->backend->self, settled);
+}
+
 // The solver iterates until the tolerance is met, within two limits: the smallest and the largest number of iterations.
 // An effort is certain to be cheaper only if it raises neither limit.
 bool kn_servo_cheaper(const kn_effort *a, const kn_effort *b)

@@ -148,7 +148,10 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     const kn_settings *settings; // settings that override those of the scene at the start; NULL: none
     const kn_audit_news *audit;  // energy audit, reported by checkpoint events; NULL: no audit
     kn_helper *helper;           // second thread of a step; NULL: none
-    struct kn_undo *undo;        // undo points of the object; NULL: undo is not available
+    const kn_state *settled;     // state of the object at the start and after a reset; NULL: the undeformed one
+    uint64_t settled_hash;
+    bool untouched;       // the object is the settled one, which stays as it is until a tool acts on it
+    struct kn_undo *undo; // undo points of the object; NULL: undo is not available
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose of each probe that a tick used; session 0: none
     kn_pose tool[KN_PROBES_MAX]; // pose of each tool: the pose in `last` moved by the probe's clutch
@@ -190,6 +193,9 @@ typedef struct kn_tick {
 // Start a servo for an untouched object, which the backend holds. The first tick may have any number. `scene`, `model`,
 // `backend` and every change that a tick applies must outlive the servo.
 void kn_servo_init(kn_servo *servo, const kn_scene *scene, const kn_model *model, kn_backend *backend);
+
+// Let the servo begin with this state, which must outlive the servo; NULL: the undeformed one, which the backend holds.
+void kn_servo_begin(kn_servo *servo, const kn_state *settled);
 
 // Reset the clutch to no offset, for a new session.
 void kn_clutch_open(kn_clutch *clutch);

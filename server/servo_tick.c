@@ -314,7 +314,10 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     // save an undo point in the tick in which the first tool begins to act on the object
     if (servo->undo && !pressed && any_attached(&t))
         kn_undo_keep(servo->undo, servo->backend->state(servo->backend->self));
-    step(&t);
+    servo->untouched = servo->untouched && !any_attached(&t);
+    if (servo->untouched) kn_helper_rest(servo->helper);
+    else step(&t);
+    if (in->now_ns && !out->stepped_ns) out->stepped_ns = in->now_ns();
     out->stopped = in->stop;
     for (int p = 0; p < out->probes; p++) {
         guard_probe(&t, p);

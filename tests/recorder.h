@@ -49,6 +49,7 @@ static inline void kn_recorder_open(kn_recorder *r, const char *log, const kn_se
     if (code != 0) fprintf(stderr, "%s\n", error), exit(code);
     if (!(r->log = lcm_eventlog_create(log, "w"))) perror(log), exit(3);
     kn_servo_init(&r->servo, r->on.scene, r->on.model, &r->on.backend);
+    kn_servo_begin(&r->servo, r->on.settled);
     for (int p = 0; p < KN_PROBES_MAX; p++) r->hand[p] = (kn_pose){.session = p + 1, .orientation_wxyz = {1}};
     kn_recorder_scene(r);
 }

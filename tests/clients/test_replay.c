@@ -255,11 +255,13 @@ TEST("one changed bit of a force record is reported with its tick, probe and fie
 
 TEST("a log that begins on an untouched or reset object replays; one on a deformed object is refused with a message")
 {
-    for (int late = 0; late < 3; late++) { // 2: the object is reset at the log's first tick
-        record("late.lcmlog", NULL, 8);
+    for (int late = 0; late < 4;
+         late++) { // 2: the object is reset at the log's first tick; 3: it has settled under gravity
+        char heavy[] = "gravity=9.81 m/s^2";
+        record("late.lcmlog", late == 3 ? heavy : NULL, 8);
         r.mute = true;
         quiet(1234);
-        if (late) {
+        if (late == 1 || late == 2) {
             move(0, 0.030, 2700, 0.0);
             move(0, 0.029, 900, 0.0);
             quiet(1001);
