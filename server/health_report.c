@@ -4,6 +4,7 @@
 #include "server/backend/fpga.h"
 #include "server/console.h"
 #include <inttypes.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <systemd/sd-daemon.h>
@@ -135,6 +136,53 @@ void kn_health_now(kn_health_check *c, kn_health *health)
     health->error_bits = c->errors_told | health->status.current_errors;
 }
 
+// Say what is wrong with the clock that stamped the poses, by its progress in a second; NULL: nothing.
+static const char *clock_fault(double progress, int64_t utime)
+{
+    if (utime == 0) return "is 0";
+    if (progress == 0) return "stands still";
+    if (progress < 1e-4) return "is in seconds";
+    if (progress < 0.1) return "is in milliseconds";
+    if (progress > 10) return "is in nanoseconds";
+    return fabs(1e-6 * (double)(kn_stamp_us() - utime)) > 86400 ? "is of another epoch, or the poses are a day old"
+                                                                : NULL;
+}
+
+// Once a second, look at the poses of each session: whether they come often enough for the hold, and whether their
+// utime is one. Tell each fault of a session once, and return the ERROR_* bits of the present ones.
+static int32_t link_errors(kn_health_check *c)
+{
+    const kn_scene *scene = c->served->scene;
+    int32_t all = 0;
+    for (int p = 0; p < c->exchange->receiver.probes; p++) {
+        const kn_pose_sender *source = &c->exchange->receiver.source[p];
+        const char *name = c->served->model->def.probe[p].name;
+        const int64_t session = source->last.session, count = source->packets.accepted - c->link[p].accepted;
+        const double took_ms = 1e-6 * (double)(kn_now_ns() - c->link[p].at_ns), each_ms = took_ms / (double)count;
+        if (session == c->link[p].session && took_ms < 1000) continue;
+        int32_t errors = 0;
+        if (session != 0 && session == c->link[p].session && count > 1) {
+            const char *clock =
+                clock_fault(1e-3 * (double)(source->last.utime - c->link[p].utime) / took_ms, source->last.utime);
+            if (each_ms > scene->limits.hold_ms + 0.5) errors |= KNEAD_STATUS_T_ERROR_POSE_RATE;
+            if (clock) errors |= KNEAD_STATUS_T_ERROR_POSE_CLOCK;
+            if (errors & ~c->link[p].told & KNEAD_STATUS_T_ERROR_POSE_RATE)
+                kn_console_err("kneadd: %s: poses every %.3g ms, but the force is held for %d ms and fades: %s", name,
+                               each_ms, scene->limits.hold_ms,
+                               each_ms <= 15 ? "state device.rate in the scene" : "the least rate is 66.7 Hz");
+            if (errors & ~c->link[p].told & KNEAD_STATUS_T_ERROR_POSE_CLOCK)
+                kn_console_err("kneadd: %s: utime of the poses %s, expected microseconds since 1970", name, clock);
+        }
+        c->link[p].told = session == c->link[p].session ? c->link[p].told | errors : 0;
+        c->link[p].session = session;
+        c->link[p].accepted = source->packets.accepted;
+        c->link[p].utime = source->last.utime;
+        c->link[p].at_ns = kn_now_ns();
+        all |= errors;
+    }
+    return all;
+}
+
 void kn_health_publication(kn_health_check *c, kn_health *health)
 {
     kn_fpga_counts circuit;
@@ -144,7 +192,7 @@ void kn_health_publication(kn_health_check *c, kn_health *health)
     const int64_t *rejected = c->exchange->receiver.rejected;
     int64_t invalid = rejected[KN_REJECT_NONFINITE] + rejected[KN_REJECT_QUATERNION] + rejected[KN_REJECT_WORKSPACE] +
                       rejected[KN_REJECT_JUMP];
-    int32_t errors = kn_account_take_errors(&c->loop->account) | service_errors(c, &circuit);
+    int32_t errors = kn_account_take_errors(&c->loop->account) | service_errors(c, &circuit) | link_errors(c);
     if (invalid > c->invalid_told) errors |= KNEAD_STATUS_T_ERROR_POSE_INVALID;
     // Remember the counts that have been reported, so that each error is reported once.
     c->invalid_told = invalid;

@@ -36,6 +36,11 @@ typedef struct kn_health_check {
     int32_t service_errors; // ERROR_* bits of the disk and the circuit since the last fault
     int64_t faults_seen, saves_failed_told, circuit_failed_told, invalid_told;
     int32_t errors_told;
+    // What the poses of each probe were a second ago: session, number, utime, and when. The reasons that were told.
+    struct {
+        int64_t session, accepted, utime, at_ns;
+        int32_t told;
+    } link[KN_PROBES_MAX];
     unsigned refusals_told; // reasons of rejection that have been reported, one bit per kn_pose_verdict
     // The fields below hold the values that were reported last. Only the mesh thread uses these fields. tick_told
     // begins at -1, quality_told at the scene's quality.

@@ -166,9 +166,10 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
     static const char *const modes[] = {"IDLE", "RUNNING", "FAULT", "BRAKE", "ESTOP", "STOPPING", "RECOVERING"},
                              *const degraded[] = {"no_fifo", "no_mlock", "no_fma", "reduced", "no_fpga"},
                              *const backends[] = {"cpu", "fixed", "fpga"},
-                             *const errors[] = {
-                                 "comm_lost", "force_limit", "force_impulse_limit", "velocity_limit", "pose_invalid",
-                                 "overrun",   "physics",     "offload_fault",       "snapshot_error", "passivity"};
+                             *const errors[] = {"comm_lost",      "force_limit",   "force_impulse_limit",
+                                                "velocity_limit", "pose_invalid",  "overrun",
+                                                "physics",        "offload_fault", "snapshot_error",
+                                                "passivity",      "pose_rate",     "pose_clock"};
     const knead_status_t *s = &h->status;
     const knead_health_t *m = &h->more;
     kn_account *a = &o->on.loop->account;
@@ -178,7 +179,7 @@ static json_t *status_of(kn_operator *o, const kn_health *h)
         o->on.served->scene->name, "backend", backends[s->backend], "time_us", (json_int_t)s->utime, "monotonic_us",
         (json_int_t)m->monotonic_us, "uptime_s", 1e-3 * (double)s->uptime_ms, "tick", (json_int_t)s->tick, "mode",
         modes[s->mode], "degraded", names_of(s->degraded, degraded, 5), "current_errors",
-        names_of(h->error_bits, errors, 10), "last_errors", names_of(s->last_errors, errors, 10));
+        names_of(h->error_bits, errors, 12), "last_errors", names_of(s->last_errors, errors, 12));
     // timing of the servo loop
     json_object_set_new(status, "loop",
                         json_pack("{s:o, s:o, s:I, s:I, s:I, s:I, s:o, s:o, s:o, s:o, s:I}", "periodicity_hz",

@@ -369,9 +369,13 @@ static void print_device(const kn_scene *scene)
     const kn_safety_limits *l = &scene->limits;
     printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device.name,
            l->clamp_n, l->torque_clamp_n_m, l->guard_n_per_ms, l->brake_m_s, l->brake_n_s_per_m);
+    const double rate_hz = scene->rate_hz > 0 ? scene->rate_hz : 1000;
+    if (l->hold_ms > 3)
+        printf("          poses at %g Hz: held for %d ms, which leaves %d ms to fade, so the clamp is at most %.3g N\n",
+               rate_hz, l->hold_ms, l->zero_ms - l->hold_ms, l->clamp_n);
     printf(
-        "          poses stop: force held for %d ms, zero after %d ms; poses back for %d ms: full force %d ms later\n",
-        l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms);
+        "          poses stop: force held for %d ms, zero after %d ms; poses back for %d ms: full force %g ms later\n",
+        l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms * fmax(1, 1e3 / rate_hz));
     print_coupling(scene);
     // Names of the measures in mesh messages, indexed by the bits of mesh_measures.
     static const char *const told[] = {"", ", stress", ", residual strain", ", stress, residual strain"};

@@ -92,7 +92,11 @@ bool kn_draft_vary_material(kn_draft *draft)
 
 // --- device ---------------------------------------------------------------------------------------------------------
 
-#define PERIOD_S 1e-3 // period of a device's loop and of the servo loop
+// Return the period of the loop of device and servo.
+static double period_s(const kn_draft *draft)
+{
+    return draft->scene.rate_hz > 0 ? fmax(1 / draft->scene.rate_hz, 1e-3) : 1e-3;
+}
 
 // Return true if the scene's file or a --set gives the key, false if only the device profile gives the key.
 static bool said(const kn_draft *draft, kn_key_id id)
@@ -139,14 +143,41 @@ static void couple(kn_draft *draft)
 {
     kn_device_def *d = &draft->scene.device;
     bool own_damping = said(draft, KN_KEY_DEVICE_COUPLING_DAMPING);
-    kn_coupling c =
-        kn_coupling_default(own_damping ? INFINITY : d->mass_kg, d->damping_n_s_m, PERIOD_S, d->round_trip_s, d->hand);
+    kn_coupling c = kn_coupling_default(own_damping ? INFINITY : d->mass_kg, d->damping_n_s_m, period_s(draft),
+                                        d->round_trip_s, d->hand);
     if (!said(draft, KN_KEY_DEVICE_COUPLING)) d->hand.stiffness_n_m = c.stiffness_n_m;
     d->hand.damping_n_s_m = c.damping_n_s_m;
     // convert stiffness and damping from the hand's frame to the scene, see core/device.h
     double at_hand = d->force_scale * d->scale;
     d->coupling_n_m = d->hand.stiffness_n_m / at_hand;
     d->coupling_n_s_m = d->hand.damping_n_s_m / at_hand;
+}
+
+// Set the hold from the device's rate: two periods, one of them for jitter. A scene may only shorten it.
+static bool hold(kn_draft *draft)
+{
+    kn_safety_limits *limits = &draft->scene.limits;
+    const int most_ms = (int)fmin(fmax(ceil(2e3 * period_s(draft) - 1e-6), 3), 15);
+    if (!kn_draft_given(draft, 0, KN_KEY_HOLD)) limits->hold_ms = most_ms;
+    if (limits->hold_ms > most_ms)
+        return kn_draft_complain(draft, draft->at[0][KN_KEY_HOLD],
+                                 "device.hold: %d ms is longer than poses at %g Hz need, expected at most %d ms, or "
+                                 "device.rate",
+                                 limits->hold_ms, 1 / period_s(draft), most_ms);
+    return limits->zero_ms > limits->hold_ms ||
+           kn_draft_complain(draft, draft->at[0][KN_KEY_ZERO],
+                             "device.zero: %d ms, expected more than device.hold, %d ms", limits->zero_ms,
+                             limits->hold_ms);
+}
+
+void kn_draft_lower_clamp(kn_scene *scene)
+{
+    kn_safety_limits *l = &scene->limits;
+    // without the hold of a slow device, the force fades in the time that is left of 17 ms
+    const double fade_ms = l->zero_ms - l->hold_ms, most_n = fade_ms * fmax(0.5, l->clamp_n / (l->zero_ms - 3));
+    if (l->hold_ms <= 3 || l->clamp_n <= most_n) return;
+    l->torque_clamp_n_m *= most_n / l->clamp_n;
+    scene->device.force_limit_n = l->clamp_n = most_n;
 }
 
 bool kn_draft_device(kn_draft *draft)
@@ -161,6 +192,7 @@ bool kn_draft_device(kn_draft *draft)
     if (!kn_draft_given(draft, 0, KN_KEY_DEVICE_ROTATION)) d->rotation_wxyz[0] = 1.0;
     d->force_limit_n = limits->clamp_n;
     d->force_scale = limits->force_scale;
+    if (!hold(draft)) return false;
     draft->device_whole = says_all(draft);
     // report a problem at the key device.basis if its text contains the word `basis`, else at device.rotation
     const char *problem = kn_device_check(d);

@@ -133,8 +133,10 @@
     scene.limits.brake_m_s, "speed of the hand above which the force is only a damping force")                        \
   X(BRAKE_DAMPING, ALWAYS, "device.brake_damping", REAL, 1, "N*s/m", 0.01, 10, "1.5 N*s/m",                           \
     scene.limits.brake_n_s_per_m, "damping at speeds above device.brake_speed")                                       \
-  X(HOLD, ALWAYS, "device.hold", INTEGER, 1, "ms", 1, 3, "3 ms",                                                      \
-    scene.limits.hold_ms, "time for which the last force is held if no pose arrives")                                 \
+  X(RATE, ALWAYS, "device.rate", REAL, 1, "Hz", 66.7, 5000, "",                                                       \
+    scene.rate_hz, "poses per second that the device sends; none: 1000 Hz")                                    \
+  X(HOLD, ALWAYS, "device.hold", INTEGER, 1, "ms", 1, 15, "(device.rate)",                                            \
+    scene.limits.hold_ms, "time for which the last force is held if no pose arrives: two periods of device.rate, 3 to 15 ms") \
   X(ZERO, ALWAYS, "device.zero", INTEGER, 1, "ms", 4, 20, "20 ms",                                                    \
     scene.limits.zero_ms, "time after the last pose at which the force is 0")                                         \
   X(RAMP, ALWAYS, "device.ramp", INTEGER, 1, "ms", 200, 5000, "200 ms",                                               \

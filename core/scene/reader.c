@@ -524,6 +524,7 @@ kn_scene *kn_scene_parse_beside(const char *beside, const char *name, const char
     *scene = draft.scene;
     scene->model = draft.built;
     scene->text_hash = hash_text(scene->text);
+    kn_draft_lower_clamp(scene);
     return scene;
 }
 

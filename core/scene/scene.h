@@ -40,6 +40,7 @@ typedef struct kn_scene {
     kn_device_def device; // haptic device: profile touch, falcon, omega, unknown, or bench for the virtual hand
     kn_safety_limits limits;
     double mesh_hz;    // rate of mesh messages, 30..60
+    double rate_hz;    // poses per second that the device sends; 0: 1000
     int mesh_measures; // values that a mesh message holds besides positions: sum of KN_MESH_STRESS, KN_MESH_RESIDUAL
     // Line and column of the last of the keys solver.kind, dt, isa and mass_scale in the file; 1, 1 if the file has
     // none of these keys. An error of building or stepping the model points at this place.

@@ -282,6 +282,34 @@ TEST("--set accepts mappings and the short form of device, and the last of two v
     CHECK(scene->model.material.k1_pa == 2);
 }
 
+TEST("the rate of a device fixes the hold, and the clamp is lowered so that the force falls no faster")
+{
+    static const struct {
+        const char *rate;
+        int hold_ms;
+        double clamp_n; // of 12 N
+    } all[] = {{"4000 Hz", 3, 12},
+               {"1000 Hz", 3, 12},
+               {"500 Hz", 4, 12 * 16 / 17.0},
+               {"250 Hz", 8, 12 * 12 / 17.0},
+               {"200 Hz", 10, 12 * 10 / 17.0},
+               {"125 Hz", 15, 12 * 5 / 17.0},
+               {"66.7 Hz", 15, 12 * 5 / 17.0}};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        char set[40];
+        snprintf(set, sizeof set, "device.rate=%s", all[i].rate);
+        OWN(kn_scene) *scene = parse(in_cm, SETS("device.profile=omega", set)), *again = parse(scene->text, NULL);
+        CHECK(scene->limits.hold_ms == all[i].hold_ms && scene->limits.zero_ms == 20);
+        CHECK_NEAR(scene->limits.clamp_n, all[i].clamp_n, 1e-12);
+        CHECK_NEAR(scene->limits.torque_clamp_n_m, 0.05 * all[i].clamp_n, 1e-12);
+        CHECK(same(scene, again) && again->limits.clamp_n == scene->limits.clamp_n); // the text has the clamp before
+    }
+    CHECK_STR(complaint("device.hold=8 ms"),
+              "--set device.hold: 8 ms is longer than poses at 1000 Hz need, expected at most 3 ms, or device.rate");
+    CHECK_STR(complaint("device.rate=60 Hz"),
+              "--set device.rate: 60 Hz is out of range, expected a number from 66.7 to 5000 Hz");
+}
+
 TEST("a size is a whole number of spacings to within a millionth, and only the grid counts")
 {
     OWN(kn_scene) *third = dough_with("object.spacing=3.3333333333333333 mm"), *again = parse(third->text, NULL);
