@@ -20,7 +20,7 @@
 //     kn_safety_slope(limits) = max(0.5 N, clamp / 17) per ms.
 // This holds because the force that fades is the last force given, frozen, and not the present contact force. In live
 // contact, the force changes by at most guard_n_per_ms for each ms since the last tick with a pose, but for at most
-// hold_ms. By default this is 4 N, or 12 N after 3 ms without a pose or a tick.
+// hold_ms and 3 ms. By default this is 4 N, or 12 N after 3 ms without a pose or a tick.
 #include <stdbool.h>
 #include <stdint.h>
 

@@ -380,6 +380,7 @@ static bool open_buses(server *d, const kn_daemon_def *def, char *error, size_t 
         // Set up the loop, the restored state and an emergency stop that is still in force.
         d->loop.servo.settings = &d->on.settings;
         d->loop.keeper = &d->keeper;
+        kn_servo_begin(&d->loop.servo, d->on.settled);
         kn_keeper_start(&d->keeper, &d->loop.servo, &d->loop.orders);
         bool kept = d->keeper.store.dir >= 0 && kn_store_estopped(&d->keeper.store);
         bool estopped = def->estopped || kept;

@@ -158,8 +158,9 @@ static int32_t link_errors(kn_health_check *c)
         const kn_pose_sender *source = &c->exchange->receiver.source[p];
         const char *name = c->served->model->def.probe[p].name;
         const int64_t session = source->last.session, count = source->packets.accepted - c->link[p].accepted;
-        const double took_ms = 1e-6 * (double)(kn_now_ns() - c->link[p].at_ns), each_ms = took_ms / (double)count;
-        if (session == c->link[p].session && took_ms < 1000) continue;
+        // by the time of the last pose: a hand that stops is no slow one
+        const double took_ms = 1e-6 * (double)(source->heard_ns - c->link[p].at_ns), each_ms = took_ms / (double)count;
+        if (session == c->link[p].session && took_ms < 900) continue;
         int32_t errors = 0;
         if (session != 0 && session == c->link[p].session && count > 1) {
             const char *clock =
@@ -177,7 +178,7 @@ static int32_t link_errors(kn_health_check *c)
         c->link[p].session = session;
         c->link[p].accepted = source->packets.accepted;
         c->link[p].utime = source->last.utime;
-        c->link[p].at_ns = kn_now_ns();
+        c->link[p].at_ns = source->heard_ns;
         all |= errors;
     }
     return all;

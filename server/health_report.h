@@ -36,7 +36,7 @@ typedef struct kn_health_check {
     int32_t service_errors; // ERROR_* bits of the disk and the circuit since the last fault
     int64_t faults_seen, saves_failed_told, circuit_failed_told, invalid_told;
     int32_t errors_told;
-    // What the poses of each probe were a second ago: session, number, utime, and when. The reasons that were told.
+    // for each probe, its pose of a second ago: session, number, utime and arrival; and the errors that were told
     struct {
         int64_t session, accepted, utime, at_ns;
         int32_t told;

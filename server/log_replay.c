@@ -161,7 +161,7 @@ static void resume(kn_replay *r)
     reading *v = r->private;
     r->backend.restore(r->backend.self, v->saved.state);
     kn_saved_resume(&v->saved, &r->servo);
-    r->servo.untouched = r->settled && v->saved.state_hash == r->servo.settled_hash;
+    r->servo.untouched = r->settled && v->saved.state_hash == kn_state_hash(r->model, r->settled);
     r->resumed_tick = v->tick = v->saved.tick;
     r->tick.in.stop = r->servo.stopping;
     v->touched = true;

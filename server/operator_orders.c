@@ -150,7 +150,7 @@ static void restore(kn_tick *t, const kn_state *state, int64_t generation, int64
     e->arg[0] = (double)generation;
     e->arg[1] = (double)from_tick;
     t->out->restored_hash = t->hash;
-    t->servo->untouched = t->servo->settled && t->hash == t->servo->settled_hash;
+    t->servo->untouched = t->servo->settled && t->hash == kn_state_hash(t->servo->model, t->servo->settled);
 }
 
 // Replace the object by the newest undo point. An undo saves no undo point, so repeated undos go further back.
@@ -195,7 +195,6 @@ static void adopt_change(kn_tick *t)
     servo->settings = &c->settings;
     servo->audit = c->audit ? kn_audit_read(c->audit) : NULL;
     servo->settled = c->settled;
-    servo->settled_hash = c->settled ? kn_state_hash(c->model, c->settled) : 0;
     servo->untouched = false;
     // drop the undo points, because they hold states of the old material
     if (servo->undo) {

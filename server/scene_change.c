@@ -121,6 +121,7 @@ kn_state *kn_scene_settle(const kn_model *model)
         b.wait(b.self, 0, &output);
     }
     if (state) kn_state_copy(model, state, b.state(b.self));
+    if (state && state->bad) kn_state_destroy(state), state = NULL; // the physics diverged: begin undeformed
     if (b.destroy) b.destroy(b.self);
     return state;
 }

@@ -46,7 +46,6 @@ void kn_servo_begin(kn_servo *servo, const kn_state *settled)
     servo->settled = settled;
     servo->untouched = settled;
     if (!settled) return;
-    servo->settled_hash = kn_state_hash(servo->model, settled);
     servo->backend->restore(servo->backend->self, settled);
 }
 

@@ -149,9 +149,8 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     const kn_audit_news *audit;  // energy audit, reported by checkpoint events; NULL: no audit
     kn_helper *helper;           // second thread of a step; NULL: none
     const kn_state *settled;     // state of the object at the start and after a reset; NULL: the undeformed one
-    uint64_t settled_hash;
-    bool untouched;       // the object is the settled one, which stays as it is until a tool acts on it
-    struct kn_undo *undo; // undo points of the object; NULL: undo is not available
+    bool untouched;              // the object is the settled one, which stays as it is until a tool acts on it
+    struct kn_undo *undo;        // undo points of the object; NULL: undo is not available
     kn_safety safety[KN_PROBES_MAX];
     kn_pose last[KN_PROBES_MAX]; // last pose of each probe that a tick used; session 0: none
     kn_pose tool[KN_PROBES_MAX]; // pose of each tool: the pose in `last` moved by the probe's clutch

@@ -9,8 +9,9 @@
 #include <string.h>
 
 // Distance from the object above which a tool counts as lifted, m. When poses stop, the servo moves the tool on for
-// hold_ms (3 ms), and the object stays where the tool pushed it. When poses come back, a small gap is left between the
+// hold_ms, and the object stays where the tool pushed it. When poses come back, a small gap is left between the
 // object and the tool, although the hand never moved the tool. This gap must not count as lifting.
+// It is that of 3 ms.
 #define LIFTED_M 5e-4
 
 // Read the pose and session of a probe, and fill the input of its safety watch.
@@ -178,7 +179,7 @@ static void watch_probe(kn_tick *t, int p)
     // compute the distance from tool to object only for a probe that may engage
     if (t->watch[p].live && !s->attached)
         t->watch[p].clear = kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, tool->position_m,
-                                         tool->orientation_wxyz) > LIFTED_M;
+                                         tool->orientation_wxyz) > LIFTED_M * fmax(1, s->limits.hold_ms / 3.0);
 
     kn_probe_input *input = &t->input.probe[p];
     input->attached = kn_safety_watch(s, &t->watch[p]);
@@ -224,7 +225,6 @@ static void step(kn_tick *t)
         for (int p = 0; p < t->out->probes; p++) kn_safety_trip(&t->servo->safety[p], KN_FAULT_NONFINITE);
         break;
     }
-    if (t->in->now_ns) t->out->stepped_ns = t->in->now_ns();
     t->out->capped = t->output.capped;
     t->out->units = t->output.units;
     t->servo->capped += t->output.capped;
@@ -317,7 +317,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     servo->untouched = servo->untouched && !any_attached(&t);
     if (servo->untouched) kn_helper_rest(servo->helper);
     else step(&t);
-    if (in->now_ns && !out->stepped_ns) out->stepped_ns = in->now_ns();
+    if (in->now_ns) out->stepped_ns = in->now_ns();
     out->stopped = in->stop;
     for (int p = 0; p < out->probes; p++) {
         guard_probe(&t, p);

@@ -351,6 +351,12 @@ enum { QUANTITIES = sizeof quantities / sizeof *quantities };
 
 const char *kn_column_quantity_name(kn_column_quantity q) { return quantities[q][NAME]; }
 
+bool kn_heading_shear(const kn_heading *h)
+{
+    return strstr(h->word, "shear") || strstr(h->word, "schub") || strstr(h->word, "scherung") ||
+           strstr(h->word, "scherdef") || strstr(h->word, "schermod");
+}
+
 bool kn_column_role(kn_heading *h, const char *role)
 {
     const size_t length = strlen(role);
@@ -422,9 +428,9 @@ static int named(const kn_table_reader *s, kn_column_quantity q, const char *nam
 {
     for (int c = column; c < s->columns; c++) {
         const kn_heading *h = &s->column[c].heading;
-        if (h->role || !is_called(h, name)) continue;
+        if (h->role ? h->role != (int)q + 1 : !is_called(h, name)) continue;
         if (is_it(h, q)) return c;
-        const bool its_own = !strcmp(name, quantities[q][NAME]);
+        const bool its_own = h->role || !strcmp(name, quantities[q][NAME]);
         if (*other < 0 && *name != ' ' && (its_own || !h->has_unit)) *other = c;
     }
     return -1;
@@ -434,11 +440,7 @@ int kn_column_find(kn_table_reader *s, kn_column_quantity q, int *code)
 {
     const char *its_name = quantities[q][NAME], *its_unit = quantities[q][UNIT];
     int other = -1, ignored = 0;
-    for (int c = 0; c < s->columns && other < 0; c++)
-        if (s->column[c].heading.role == (int)q + 1) other = c;
-    if (other >= 0 && is_it(&s->column[other].heading, q)) return convert(&s->column[other].heading, q), other;
-    const bool by_role = other >= 0;
-    for (const char *const *n = quantities[q] + COLUMNS; *n && !by_role; n++) {
+    for (const char *const *n = quantities[q] + COLUMNS; *n; n++) {
         const int column = named(s, q, *n, 0, &other), again = named(s, q, *n, column + 1, &ignored);
         if (column < 0) continue;
         convert(&s->column[column].heading, q);

@@ -223,7 +223,11 @@ static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity 
     if (load_is == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
     kn_curve_upright(f, c->count, c->load, name);
     // a recorded stress acts on the present section, unless its name says that it is the load over the initial one
-    if (load_is == KN_STRESS) c->constant_area |= !strstr(word, "nominal") && !strstr(word, "engineering");
+    const bool nominal = strstr(word, "nominal") || strstr(word, "engineering");
+    if (load_is == KN_STRESS) c->constant_area |= !nominal;
+    if (load_is == KN_STRESS && !f->shear)
+        kn_curve_say(f, "'%s' is read as the load over the %s section", f->table.column[column].heading.name,
+                     nominal ? "initial" : "present");
     for (int i = 0; i < c->count && load_is == KN_LOAD; i++) c->load[i] /= f->area_m2;
     const double noise = kn_curve_noise(c->count, c->time_s, c->value);
     find_steps(&found, c);
@@ -432,8 +436,8 @@ static int begin_at_load(kn_curve_file *f, kn_curve *c, const char *name)
     return kn_curve_order(f, c, name);
 }
 
-// Add one curve from these rows: sort the readings, compute the strain, find the load steps, count time from the first
-// load, estimate the noise, and thin the readings.
+// Add one curve from these rows: compute the strain, find the load steps, count time from the first load, estimate the
+// noise, and thin the readings.
 static int add_curve(kn_curve_file *f, const columns *cols, kn_curve_rows rows, double load_n, const char *part)
 {
     const char *name = kn_column_quantity_name(cols->what);
@@ -459,6 +463,9 @@ static int add_curve(kn_curve_file *f, const columns *cols, kn_curve_rows rows, 
 static int add_wide(kn_curve_file *f, const columns *c)
 {
     int code = KN_EXIT_OK;
+    const int end = kn_curve_range_end(&f->table, c->time, 0);
+    if (end < f->table.rows)
+        return kn_curve_refuse(f, f->table.line[end], c->time, "time falls, expected rows in the order of time");
     for (int i = 0; i < c->loads && code == KN_EXIT_OK; i++) {
         char part[32];
         snprintf(part, sizeof part, "%.4g gf", c->load_n[i] / KN_GF_N);
@@ -471,7 +478,7 @@ static int add_wide(kn_curve_file *f, const columns *c)
 // load is preferred, since the stress may fall within a curve as the section grows.
 static int key_of(kn_curve_file *f, const columns *c)
 {
-    if (c->load < 0 || c->load_is == KN_LOAD) return c->load;
+    if (c->load < 0 || c->load_is == KN_LOAD || kn_heading_shear(&f->table.column[c->load].heading)) return c->load;
     const int load = kn_column_find(&f->table, KN_LOAD, NULL);
     return load >= 0 ? load : c->load;
 }

@@ -165,9 +165,12 @@ const char *kn_identify_source(const kn_identification *w, char text[KN_SOURCE_M
 {
     kn_material_source(w->opt.file[0], w->opt.files, text);
     const size_t n = strlen(text);
+    int sheared = 0;
+    double young = 0;
     for (int c = 0; c < w->curves; c++)
-        if (w->curve[c].young > 0)
-            snprintf(text + n, KN_SOURCE_MAX - n, ", of shear with E = %.4g G", w->curve[c].young);
+        if (w->curve[c].young > 0) sheared++, young = w->curve[c].young;
+    if (sheared > 0)
+        snprintf(text + n, KN_SOURCE_MAX - n, ", %d of %d curves of shear, with E = %.4g G", sheared, w->curves, young);
     return text;
 }
 
@@ -265,6 +268,7 @@ static int identify(kn_identification *w, int argc, char **argv)
     for (int i = 0, held = o->files - o->helds; i < o->files && code == KN_EXIT_OK; i++) {
         const bool creep = i >= held - o->creeps && i < held;
         kn_curve_options options = o->curve; // a press is of a specimen only if its own notes say so
+        options.compression |= e->kind == KN_CURVE_PRESS;
         if (e->kind == KN_CURVE_PRESS && !creep) options.height_m = options.area_m2 = 0;
         code = kn_curve_load(w->curve, &w->curves, creep ? KN_CURVE_CREEP : e->kind, o->file[i], &options);
     }

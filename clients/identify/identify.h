@@ -43,7 +43,7 @@ typedef struct kn_identify_options {
 
 // Parts of the help text: of all experiments, of creep, relax and sweep, of creep and relax.
 #define KN_IDENTIFY_COLUMN_HELP                                                                                        \
-    "  --column NAME=QUANTITY,...  what columns hold whose names do not say it, e.g. Crosshead=displacement\n"
+    "  --column NAME=QUANTITY,...  quantities of columns whose names are not known, e.g. Crosshead=displacement\n"
 #define KN_IDENTIFY_SHEAR_HELP                                                                                         \
     "  --shear, --compression read all files as of shear, or of compression (default: as the columns' names say)\n"    \
     "  --poisson NU           Poisson's ratio nu, for E = 2 (1 + nu) G of a file in shear (default: 0.5, E = 3 G)\n"

@@ -688,8 +688,8 @@ static int take_notes(kn_curve_file *f)
     return code;
 }
 
-// Return which of several clocks begins with the load: the one whose first time is nearest to 0. The time since each
-// point does not rise. Except in creep, whose recovery may have a clock of its own, a clock must not start again.
+// Return the clock whose first time is nearest to 0. The time since each point does not rise. Except in creep, whose
+// recovery may have a clock of its own, a clock must not start again.
 static int clock_of(const kn_curve_file *f, int count, const int clock[])
 {
     int best = -1;
@@ -704,8 +704,8 @@ static int clock_of(const kn_curve_file *f, int count, const int clock[])
         best_s = fabs(t[first]);
     }
     if (best < 0) return clock[0];
-    kn_curve_say(f, "the clock '%s' is used, which begins with the load, of %d", f->table.column[best].heading.name,
-                 count);
+    kn_curve_say(f, "of %d clocks, '%s' is used: its first time, %.4g s, is nearest to 0", count,
+                 f->table.column[best].heading.name, best_s);
     return best;
 }
 
@@ -714,11 +714,12 @@ static int clock_of(const kn_curve_file *f, int count, const int clock[])
 static bool is_shear(const kn_curve_file *f, int count, const int wanted[])
 {
     const char *unsaid = NULL;
-    for (int i = 0; i < count && !f->opt->compression; i++) {
+    for (int i = f->kind != KN_CURVE_SWEEP; i < count && !f->opt->compression; i++) {
         const kn_heading *h = &f->table.column[wanted[i]].heading;
-        if (strstr(h->word, "shear") || strstr(h->word, "schub") || strstr(h->word, "scher")) return true;
+        if (kn_heading_shear(h)) return true;
         const char *w = h->word; // a letter such as G' or J, a modulus, a compliance
-        if ((strchr("gj", *w) && strlen(w) < 6) || strstr(w, "modul") || strstr(w, "compliance")) unsaid = h->name;
+        const bool letter = strchr("gj", *w) && strlen(w) < 6 && !kn_column_unit_is(&h->unit, "m");
+        if (letter || !strcmp(w, "tau") || strstr(w, "modul") || strstr(w, "compliance")) unsaid = h->name;
     }
     if (unsaid && !f->opt->shear)
         kn_curve_say(f,
@@ -738,6 +739,7 @@ int kn_curve_read(kn_curve_file *f, int count, int wanted[])
     if (code != KN_EXIT_OK) return code;
     if (clocks > 1) wanted[0] = clock_of(f, clocks, clock);
     code = take_notes(f);
+    if (code != KN_EXIT_OK) return code;
     if (f->kind != KN_CURVE_PRESS) f->shear = is_shear(f, count, wanted);
     f->constant_area |= f->shear;
     for (int i = 0; i < count && f->shear; i++)

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_MEASURED_CURVE_H
 #define KN_CLIENTS_IDENTIFY_MEASURED_CURVE_H
 // Measured curves from CSV files of rheometers, texture analysers and spreadsheets. table_reader.h reads the text. The
-// values are converted to SI, sorted by time, and thinned to as many readings as a fit needs. Every change to the
+// values are converted to SI, checked, and thinned to as many readings as a fit needs. Every change to the
 // readings is printed on stdout.
 //
 //     creep   Columns: time, and one of strain, displacement, height or compliance. The load is either a column of load
@@ -105,8 +105,8 @@ typedef struct kn_curve_options {
 } kn_curve_options;
 
 // Append the curves of a file to curve[] and increase *count. A file with several columns headed by their loads has one
-// curve for each column. Print each change to the readings (sorted, left out, thinned) as one line on stdout. Return 0,
-// or print an error of one line and return an exit code.
+// curve for each column. Print each change to the readings (left out, averaged, thinned) as one line on stdout. Return
+// 0, or print an error of one line and return an exit code.
 int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind, const char *file,
                   const kn_curve_options *options);
 void kn_curve_free(kn_curve *curve);

@@ -1,7 +1,7 @@
 #ifndef KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
 #define KN_CLIENTS_IDENTIFY_MEASURED_CURVE_PARTS_H
 // The steps that turn the readings of a table (table_reader.h) into a finished curve (measured_curve.h). A table holds
-// the readings as the file has them. In a curve they are sorted, cleaned, and thinned to as many as a fit needs. Arrays
+// the readings as the file has them. In a curve they are cleaned and thinned to as many as a fit needs. Arrays
 // of a kn_curve that are NULL are skipped, but kn_curve_merge and kn_curve_thin need weight[].
 #include "clients/identify/measured_curve.h"
 #include "clients/identify/table_reader.h"
@@ -73,8 +73,9 @@ int kn_curve_range_end(const kn_table_reader *s, int time, int begin);
 // are copied. Return 0, or print an error and return an exit code.
 int kn_curve_add(kn_curve_file *f, const char *part, bool shared, kn_curve_rows rows, kn_curve **curve);
 
-// Remove readings that lack a number, sort a sweep, and average readings of the same time. Print each change on stdout. It is an error if fewer than KN_CURVE_LEAST readings are left or if all their values are equal.
-// Return 0, or print an error and return an exit code.
+// Remove readings that lack a number, sort a sweep, and average readings of the same time. Print each change on stdout.
+// It is an error if fewer than KN_CURVE_LEAST readings are left or if all their values are equal. Return 0, or print an
+// error and return an exit code.
 int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name);
 
 // Finish the curve: estimate the noise of the readings, and thin the readings within each span between two times
@@ -108,7 +109,8 @@ void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which)
 // meant per cent, since files often give per cent without a unit.
 void kn_curve_say_bare(const kn_curve_file *f, int column);
 
-// Print an error at the note `key`, or for the option of that name, and return an exit code. The text follows "key of ".
+// Print an error at the note `key`, or for the option of that name, and return an exit code. The text follows "key of
+// ".
 __attribute__((format(printf, 3, 4))) int kn_curve_refuse_note(const kn_curve_file *f, const char *key,
                                                                const char *format, ...);
 

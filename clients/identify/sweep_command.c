@@ -261,8 +261,8 @@ static int choose(const kn_sweep_fit *s, bool material)
     return best;
 }
 
-// Run the fit. `confidence` is the confidence of the intervals, such as 0.95. Return false if memory runs out, or if no element
-// could be fitted.
+// Run the fit. `confidence` is the confidence of the intervals, such as 0.95. Return false if memory runs out, or if no
+// element could be fitted.
 static bool run_fit(kn_sweep_fit *s, int curves, const kn_curve *curve, double confidence)
 {
     *s = (kn_sweep_fit){0};

@@ -269,6 +269,7 @@ static int take_list(kn_table_reader *s, const char *list, bool roles)
             return kn_complain(s->subcommand, KN_EXIT_USAGE, "--%s %s: expected e.g. %s", option, list,
                                roles ? "Crosshead=displacement" : "time=s,modulus=Pa");
         *mark = '\0';
+        mark += strspn(mark + 1, " ");
         kn_heading_read(&named, item);
         if (roles && !kn_column_role(&scratch, mark + 1))
             return kn_complain(s->subcommand, KN_EXIT_USAGE,
@@ -288,10 +289,12 @@ static int take_list(kn_table_reader *s, const char *list, bool roles)
             h->unit = m;
             snprintf(h->unit_text, sizeof h->unit_text, "%s", mark + 1);
         }
-        if (found == 0 || (roles && found > 1))
+        if (roles && found > 1)
+            return kn_table_reader_complain(s, s->header_line, 1, "%d columns are named '%s', expected one", found,
+                                            item);
+        if (found == 0)
             return kn_table_reader_complain(s, s->header_line, 1,
-                                            "%s column '%s', expected a name of this line in --%s",
-                                            found ? "more than one" : "no", item, option);
+                                            "no column '%s', expected a name of this line in --%s", item, option);
     }
     return KN_EXIT_OK;
 }
@@ -458,7 +461,7 @@ static bool is_skipped(kn_table_reader *s, bool *repeated)
     }
     // only a line that begins with a letter or a quote can repeat the names, since a row begins with a digit
     const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"';
-    *repeated = words && is_repeated(s, text);
+    *repeated = words && is_repeated(s, s->lines.text);
     // The names are repeated, so the text above them was the heading of the instrument's next interval and is no error.
     if (*repeated) s->strange.lines = 0, s->strange.name = NULL;
     return *repeated || (below && is_units(text, s->separator));

@@ -11,8 +11,9 @@
 //
 // The column names are in the last line of words before the first row of numbers. If the last line of words holds only
 // units, the names are in the line of words above the units. At least one row must have a cell for each name; shorter
-// rows lack readings at their end. If all rows are shorter, they may be shifted against the names: the file is refused. A comment line such as "# time height", which numpy
-// writes, is taken as the line of names only if no other line can hold the names.
+// rows lack readings at their end. If all rows are shorter, they may be shifted against the names: the file is refused.
+// A comment line such as "# time height", which numpy writes, is taken as the line of names only if no other line can
+// hold the names.
 //
 // Cells are separated by tabs, semicolons, commas or blanks: the first separator in this order that the line of names
 // contains. Decimal commas are read if the separator is not a comma, and in quoted cells like "0,5". A reading is
@@ -230,6 +231,8 @@ typedef enum kn_column_quantity {
 
 // return the name of a quantity, such as "time", "height" or "storage modulus"
 const char *kn_column_quantity_name(kn_column_quantity quantity);
+
+bool kn_heading_shear(const kn_heading *heading); // return whether the name says shear, in English or German
 
 // Give a column the quantity whose name, or first word of the name, is `role`. Return false if there is none.
 bool kn_column_role(kn_heading *heading, const char *role);

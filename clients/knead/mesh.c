@@ -470,8 +470,9 @@ static double filled(const options *o, const kn_shell *shell, const kn_simplices
     return kn_simplices_measure(s, &m) ? m.volume * pow(o->units_per_m, 3) / shell->volume : 0;
 }
 
-// Fill the surface with tetrahedra of an edge length. If gmsh fails and no program was asked for, let tetgen try.
-static int fill_size(const options *o, const kn_shell *shell, double size, kn_simplices **s)
+// Fill the surface with tetrahedra of an edge length. If gmsh fails and no program was asked for, let tetgen try; *tool
+// is the program from then on.
+static int fill_size(const options *o, const kn_shell *shell, double size, int *tool, kn_simplices **s)
 {
     char error[512], first[512];
     // Estimate the number of tetrahedra first, because the external program may run for minutes.
@@ -480,15 +481,15 @@ static int fill_size(const options *o, const kn_shell *shell, double size, kn_si
         return kn_complain(mesh, KN_EXIT_USAGE, "--size: %g mm would make about %.1g tetrahedra, expected at most %d",
                            1e3 * size / o->units_per_m, count, KN_SIMPLICES_ELEMENTS_MAX);
     if (isatty(STDERR_FILENO)) fprintf(stderr, "about %.2g tetrahedra\n", fmax(count, 1));
-    int code =
-        run_mesher(o->tool > 0 ? MESHER_TETGEN : MESHER_GMSH, shell, size, o->units_per_m, s, error, sizeof error);
-    if (code == KN_EXIT_USAGE && o->tool < 0) {
-        snprintf(first, sizeof first, "%s", error);
-        code = run_mesher(MESHER_TETGEN, shell, size, o->units_per_m, s, error, sizeof error);
-        if (code == KN_EXIT_OK) fprintf(stderr, "knead mesh: %s; tetgen has filled it\n", first);
-        else return kn_complain(mesh, KN_EXIT_USAGE, "%s: %s; %s; expected another --size", o->in, first, error);
-    }
-    return code == KN_EXIT_OK ? code : kn_complain(mesh, code, "%s: %s", o->in, error);
+    int code = run_mesher(*tool > 0 ? MESHER_TETGEN : MESHER_GMSH, shell, size, o->units_per_m, s, error, sizeof error);
+    if (code != KN_EXIT_USAGE || *tool >= 0)
+        return code == KN_EXIT_OK ? code : kn_complain(mesh, code, "%s: %s", o->in, error);
+    *tool = MESHER_TETGEN;
+    snprintf(first, sizeof first, "%s", error);
+    code = run_mesher(MESHER_TETGEN, shell, size, o->units_per_m, s, error, sizeof error);
+    if (code != KN_EXIT_OK) return kn_complain(mesh, code, "%s: %s; %s", o->in, first, error);
+    fprintf(stderr, "knead mesh: %s; tetgen has filled it\n", first);
+    return code;
 }
 
 // Largest difference of the mesh's volume from the surface's, and number of smaller sizes that are tried.
@@ -500,8 +501,9 @@ static int fill(const options *o, const kn_shell *shell)
 {
     kn_simplices *s = NULL;
     double size = o->size_m * o->units_per_m, off = 0;
-    for (int i = 0; i <= SIZES; i++, size *= 0.7) {
-        const int code = fill_size(o, shell, size, &s);
+    int tool = o->tool;
+    for (int i = 0; i <= SIZES && (i == 0 || tetrahedra(shell, size) < KN_SIMPLICES_ELEMENTS_MAX); i++, size *= 0.7) {
+        const int code = fill_size(o, shell, size, &tool, &s);
         if (code != KN_EXIT_OK) return code;
         if (fabs(off = filled(o, shell, s) - 1) <= VOLUME_OFF) break;
         fprintf(stderr, "knead mesh: with edges of %.3g mm the volume of the mesh is off by %+.0f %%\n",

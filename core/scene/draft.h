@@ -170,8 +170,9 @@ bool kn_draft_read(kn_draft *draft, const kn_draft_file *file);
 // units per metre for m, cm, mm, um, in the order of the words of the keys mesh_unit
 extern const double kn_draft_units_per_m[4];
 
-// Lower the clamp of a scene whose device holds the force for more than 3 ms, so that the force fades no faster than one
-// that is held for 3 ms. To be called when the canonical text is written, which has the clamp that the scene asks for.
+// Lower the clamp of a scene whose device holds the force for more than 3 ms, so that the force fades no faster than
+// one that is held for 3 ms. To be called when the canonical text is written, which has the clamp that the scene asks
+// for.
 void kn_draft_lower_clamp(kn_scene *scene);
 
 // Return the canonical text of a finished draft; the caller frees the text. Return NULL if memory is short.

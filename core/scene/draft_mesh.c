@@ -188,7 +188,7 @@ static bool check_support(kn_draft *draft)
     while (second + 1 < count &&
            hypot(hypot(x[second][0] - x[0][0], x[second][1] - x[0][1]), x[second][2] - x[0][2]) < 1e-3 * size)
         second++;
-    third = s->dimension == 2 ? second : second + 1;
+    third = second;
     while (s->dimension == 3 && third + 1 < count && area4(x[0], x[second], x[third]) < pow(1e-3 * size, 4)) third++;
     least_m = x[third][2] - x[0][2];
     const double held_m = fmax(draft->scene.model.support_depth_m, 1e-6 * (x[count - 1][2] - x[0][2]));

@@ -136,7 +136,8 @@
   X(RATE, ALWAYS, "device.rate", REAL, 1, "Hz", 66.7, 5000, "",                                                       \
     scene.rate_hz, "poses per second that the device sends; none: 1000 Hz")                                    \
   X(HOLD, ALWAYS, "device.hold", INTEGER, 1, "ms", 1, 15, "(device.rate)",                                            \
-    scene.limits.hold_ms, "time for which the last force is held if no pose arrives: two periods of device.rate, 3 to 15 ms") \
+    scene.limits.hold_ms,                                                                                             \
+    "the last force is held for so long without a pose: two periods of device.rate, 3 to 15 ms")                       \
   X(ZERO, ALWAYS, "device.zero", INTEGER, 1, "ms", 4, 20, "20 ms",                                                    \
     scene.limits.zero_ms, "time after the last pose at which the force is 0")                                         \
   X(RAMP, ALWAYS, "device.ramp", INTEGER, 1, "ms", 200, 5000, "200 ms",                                               \

@@ -39,7 +39,8 @@ kn_simplices *kn_msh_load(const char *path, double units_per_m, kn_msh_facts *fa
 
 // The closed surface of a solid as triangles, from an OBJ or STL file (text or binary). `knead mesh` fills the surface
 // with tetrahedra, and a tool may have a surface as its shape (core/field.h). Corners at the same place, up to 5e-6 of
-// the largest coordinate, become one vertex. Polygons become fans of triangles. Triangles of which two corners are the same vertex are dropped.
+// the largest coordinate, become one vertex. Polygons become fans of triangles. Triangles of which two corners are the
+// same vertex are dropped.
 //
 // The surface must be watertight: every edge belongs to two triangles, which run along the edge in opposite directions.
 // There must be only one closed surface, because the space between two surfaces might be solid or empty. An error names

@@ -55,7 +55,7 @@ static bool add(reader *r, size_t at, const double x[3][3])
     for (int k = 0; k < 3; k++) {
         corner *c = &r->corner[3 * r->triangles + k];
         c->number = 3 * r->triangles + k;
-        for (int i = 0; i < 3; i++) c->x[i] = x[k][i] + 0.0; // -0 becomes 0
+        memcpy(c->x, x[k], sizeof c->x);
     }
     r->place[r->triangles] = (place){at, r->triangles + 1};
     r->triangles++;

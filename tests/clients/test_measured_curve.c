@@ -209,9 +209,16 @@ TEST("files of instruments give creeps, relaxations and sweeps in SI units, with
          SIZE "Pr\xc3\xbc"
               "fzeit;Standardweg;Standardkraft\ns;mm;N\n@8 1+1;1;1.6-.2\n",
          "a: 8 readings, 1..8 s, 1.44e+04..1800, strain 0.1 from 0 s", ""},
+        {"repeated names with a leading tab begin the next interval", KN_CURVE_CREEP,
+         "Interval data:\tPoint\tTime\tStrain\tStress\n\t\t[s]\t[%]\t[Pa]\n@20 \t1+1\t1+1\t1+1\t100\n\nResult:\t2\n"
+         "Interval data:\tPoint\tTime\tStrain\tStress\n\t\t[s]\t[%]\t[Pa]\n@20 \t1+1\t1+1\t20-1\t0.01\n",
+         "a: 40 readings, 1..40 s, 0.01..0.01, 100 Pa at 0 s, 0 Pa at 20.5 s, constant stress", "the present section"},
+        {"a normal force beside a shear stress is not the load", KN_CURVE_CREEP,
+         "Time [s];Shear Stress [Pa];Shear Strain [%];Normal Force [N]\n@9 1+1;20;1+1;.3\n",
+         "a: 9 readings, 1..9 s, 0.005774..0.05196, 34.64 Pa at 0 s, constant stress", "of shear"},
         {"of several clocks, the one that begins with the load is used", KN_CURVE_CREEP,
          "# stress: 10 Pa\ntime [s];step time [s];point time [s];strain [1]\n@9 112+1;0+1;1;0+.01\n",
-         "a: 9 readings, 0..8 s, 0..0.08, 10 Pa at 0 s", "the clock 'step time' is used"},
+         "a: 9 readings, 0..8 s, 0..0.08, 10 Pa at 0 s", "of 3 clocks, 'step time' is used"},
     };
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         char pattern[300];
@@ -348,6 +355,8 @@ TEST("each missing, unusable or impossible quantity is refused in one line with 
         {KN_CURVE_SWEEP, "f_hz,storage_pa,loss_pa\n0.5,1,-4\n" THREE, 2, "expected both above 0"},
         {KN_CURVE_SWEEP, "f_hz,storage_pa,loss_pa\n0.5,0,1\n" THREE, 2, "expected both above 0"},
         {KN_CURVE_SWEEP, "f_hz,storage_pa\n" TWO, 1, "no column of storage and loss modulus"},
+        {KN_CURVE_CREEP, SIZE "time_s\tx 10 gf [mm]\ty 20 gf [mm]\n@9 0+1\t0+.1\t0+.2\n@9 0+1\t0+.1\t0+.2\n", 13,
+         "time falls"},
         {KN_CURVE_RELAX, "time_s,torque [mN m],deflection angle [mrad]\n" THREE, 1,
          "export shear stress and shear strain"},
         {KN_CURVE_RELAX, "time_s,shear strain [%],normal force [N]\n" THREE, 1, "'normal force' is no load of shear"},

@@ -255,8 +255,8 @@ TEST("one changed bit of a force record is reported with its tick, probe and fie
 
 TEST("a log that begins on an untouched or reset object replays; one on a deformed object is refused with a message")
 {
-    for (int late = 0; late < 4;
-         late++) { // 2: the object is reset at the log's first tick; 3: it has settled under gravity
+    // 2: the object is reset at the log's first tick; 3: it has settled under gravity
+    for (int late = 0; late < 4; late++) {
         char heavy[] = "gravity=9.81 m/s^2";
         record("late.lcmlog", late == 3 ? heavy : NULL, 8);
         r.mute = true;

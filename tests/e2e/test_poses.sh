@@ -46,4 +46,16 @@ check "a probe the scene does not have is refused" [ "$(counter probe)" = "$nobo
 check "every datagram is in one counter" \
     [ "$(counter datagrams)" = $((sent + nobody + $(counter published))) ]
 check "the kernel dropped no datagram" [ "$(counter 'dropped by the kernel')" = 0 ]
+
+# poses that come too seldom, and a utime that counts from 0, are told once; a device that states its rate is not
+start_kneadd dough-small.yaml
+send plate <<<"poses 500 session=9 seq=1 rate=200" >/dev/null
+check "poses that come too seldom are told with their distance" \
+    [ "$(grep -c '^kneadd: plate: poses every [45][.0-9]* ms, but the force is held for 3 ms and fades: state device.rate' kneadd.err)" = 1 ]
+check "a utime that counts from 0 is told" grep -q '^kneadd: plate: utime of the poses is .*, expected microseconds since 1970' kneadd.err
+stop_kneadd
+start_kneadd dough-small.yaml --set device.rate=200Hz
+send plate <<<"poses 500 session=9 seq=1 rate=200" >/dev/null
+check "a device that states its rate is not told" [ "$(grep -c 'poses every' kneadd.err)" = 0 ]
+stop_kneadd
 exit $failed
