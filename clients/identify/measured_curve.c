@@ -273,6 +273,11 @@ int kn_curve_finish(kn_curve_file *f, kn_curve *c, int changes, const double *ch
 {
     const int before = c->count;
     if (f->shear) from_shear(f, c);
+    if (f->unsaid)
+        kn_curve_say(f,
+                     "'%s' does not say whether it is of shear: read as of compression; --shear reads it as of shear",
+                     f->unsaid);
+    f->unsaid = NULL; // once a file
     // The noise of single readings is estimated before thinning.
     kn_curve_take_noise(c);
     if (!kn_curve_thin(c, KN_CURVE_READINGS, changes, change_s)) return short_of_memory(f);
@@ -711,7 +716,7 @@ static int clock_of(const kn_curve_file *f, int count, const int clock[])
 
 // Find whether the columns say that the curve is of shear. If they do not say of what it is, but a rheometer may have
 // written them, report that it is read as compression.
-static bool is_shear(const kn_curve_file *f, int count, const int wanted[])
+static bool is_shear(kn_curve_file *f, int count, const int wanted[])
 {
     const char *unsaid = NULL;
     for (int i = f->kind != KN_CURVE_SWEEP; i < count && !f->opt->compression; i++) {
@@ -719,12 +724,10 @@ static bool is_shear(const kn_curve_file *f, int count, const int wanted[])
         if (kn_heading_shear(h)) return true;
         const char *w = h->word; // a letter such as G' or J, a modulus, a compliance
         const bool letter = strchr("gj", *w) && strlen(w) < 6 && !kn_column_unit_is(&h->unit, "m");
-        if (letter || !strcmp(w, "tau") || strstr(w, "modul") || strstr(w, "compliance")) unsaid = h->name;
+        if (letter || !strcmp(w, "tau") || !strcmp(w, "stress") || strstr(w, "modul") || strstr(w, "compliance"))
+            unsaid = h->name;
     }
-    if (unsaid && !f->opt->shear)
-        kn_curve_say(f,
-                     "'%s' does not say whether it is of shear: read as of compression; --shear reads it as of shear",
-                     unsaid);
+    f->unsaid = f->opt->shear ? NULL : unsaid;
     return f->opt->shear;
 }
 

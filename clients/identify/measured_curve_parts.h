@@ -47,6 +47,7 @@ typedef struct kn_curve_file {
     // values from the notes of the file; without a note, from the options; NAN: neither gives the value
     double height_m, area_m2, load_n, stress_pa, release_s, begin_s, strain;
     bool constant_area, shear;
+    const char *unsaid; // name of a column that may be of shear, to be told; NULL: none
 } kn_curve_file;
 
 // The rows begin..end-1 of the table, which become one curve, and the indices of the columns that fill the curve's

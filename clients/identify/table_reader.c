@@ -464,7 +464,11 @@ static bool is_skipped(kn_table_reader *s, bool *repeated)
     *repeated = words && is_repeated(s, s->lines.text);
     // The names are repeated, so the text above them was the heading of the instrument's next interval and is no error.
     if (*repeated) s->strange.lines = 0, s->strange.name = NULL;
-    return *repeated || (below && is_units(text, s->separator));
+    // "Interval and data points:;2;20" holds numbers, but is no row
+    kn_text_cell c;
+    const char *at = text;
+    const bool label = words && kn_text_cell_next(s->separator, &at, &c) && c.length > 0 && c.text[c.length - 1] == ':';
+    return *repeated || label || (below && is_units(text, s->separator));
 }
 
 int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
