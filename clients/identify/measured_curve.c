@@ -713,8 +713,8 @@ static int clock_of(const kn_curve_file *f, int count, const int clock[])
                  f->table.column[best].heading.name, best_s);
     return best;
 }
-
 // Find whether the columns say that the curve is of shear. If they do not say of what it is, but a rheometer may have
+// written them, keep the name of such a column, to be told.
 // written them, report that it is read as compression.
 static bool is_shear(kn_curve_file *f, int count, const int wanted[])
 {
