@@ -220,7 +220,8 @@ static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity 
 {
     load_steps found;
     const char *name = kn_column_quantity_name(load_is), *word = f->table.column[column].heading.word;
-    if (load_is == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    if (load_is == KN_LOAD && kn_curve_need(f, f->area_m2, "a load", "area", "1 cm^2") != KN_EXIT_OK)
+        return KN_EXIT_USAGE;
     kn_curve_upright(f, c->count, c->load, name);
     // a recorded stress acts on the present section, unless its name says that it is the load over the initial one
     const bool nominal = strstr(word, "nominal") || strstr(word, "engineering");
@@ -256,7 +257,7 @@ static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, doubl
         if (!isfinite(load_n))
             return kn_curve_refuse(f, 0, -1,
                                    "no load, expected a column like 'load_gf', a line '# load: 50 gf' or --load 50gf");
-        if (kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+        if (kn_curve_need(f, f->area_m2, "a load", "area", "1 cm^2") != KN_EXIT_OK) return KN_EXIT_USAGE;
         stress_pa = load_n / f->area_m2;
     }
     add_first_load(f, c, stress_pa, kn_curve_noise(c->count, c->time_s, c->value));
@@ -374,7 +375,8 @@ static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what, int
 {
     const int unloaded = before_load(c);
     if (what == KN_HEIGHT) return height_to_strain(f, c, unloaded, column);
-    if (what == KN_DISPLACEMENT && kn_curve_need_height(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    if (what == KN_DISPLACEMENT && kn_curve_need(f, f->height_m, "a displacement", "height", "1 cm") != KN_EXIT_OK)
+        return KN_EXIT_USAGE;
     for (int i = 0; i < c->count && what == KN_DISPLACEMENT; i++) c->value[i] /= f->height_m;
     const double zero = unloaded ? mean(c->value, unloaded) : 0;
     for (int i = 0; i < c->count; i++) c->value[i] -= zero;

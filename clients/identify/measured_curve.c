@@ -19,30 +19,9 @@ void kn_curve_free(kn_curve *c)
 
 // ---- messages about a file
 
-void kn_curve_say(const kn_curve_file *f, const char *format, ...)
-{
-    va_list args;
-    printf("%s: ", f->table.file);
-    va_start(args, format);
-    vprintf(format, args);
-    va_end(args);
-    putchar('\n');
-}
-
 void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which)
 {
     if (count > 0) kn_curve_say(f, "%d reading%s %s, left out", count, count > 1 ? "s" : "", which);
-}
-
-int kn_curve_refuse(const kn_curve_file *f, int line, int column, const char *format, ...)
-{
-    char text[800];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    return kn_table_reader_complain(&f->table, line ? line : f->table.header_line,
-                                    column < 0 ? 1 : kn_table_reader_at(&f->table, line, column), "%s", text);
 }
 
 int kn_curve_refuse_note(const kn_curve_file *f, const char *key, const char *format, ...)
@@ -82,19 +61,11 @@ static int short_of_memory(const kn_curve_file *f)
     return kn_complain(f->table.subcommand, KN_EXIT_DEVICE, "%s: out of memory", f->table.file);
 }
 
-int kn_curve_need_height(const kn_curve_file *f)
+int kn_curve_need(const kn_curve_file *f, double value, const char *what, const char *key, const char *example)
 {
-    if (isfinite(f->height_m)) return KN_EXIT_OK;
-    return kn_curve_refuse(f, 0, -1,
-                           "a displacement without the specimen's height, "
-                           "expected a line '# height: 1 cm' or --height '1 cm'");
-}
-
-int kn_curve_need_area(const kn_curve_file *f)
-{
-    if (isfinite(f->area_m2)) return KN_EXIT_OK;
-    return kn_curve_refuse(f, 0, -1,
-                           "a load without the specimen's area, expected a line '# area: 1 cm^2' or --area '1 cm^2'");
+    if (isfinite(value)) return KN_EXIT_OK;
+    return kn_curve_refuse(f, 0, -1, "%s without the specimen's %s, expected a line '# %s: %s' or --%s '%s'", what, key,
+                           key, example, key, example);
 }
 
 void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, const char *source)
@@ -315,7 +286,8 @@ static int choose_relax(kn_curve_file *f, relax_columns *c)
 // Compute the strain from displacement or height. If no note or option gives the initial height, use the first height.
 static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
 {
-    if (what == KN_DISPLACEMENT && kn_curve_need_height(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    if (what == KN_DISPLACEMENT && kn_curve_need(f, f->height_m, "a displacement", "height", "1 cm") != KN_EXIT_OK)
+        return KN_EXIT_USAGE;
     if (what == KN_HEIGHT && !isfinite(f->height_m))
         kn_curve_take_height(f, c, c->other[0], "first reading; a line '# height: 1 cm' sets another height");
     for (int i = 0; i < c->count && what != KN_STRAIN; i++)
@@ -408,7 +380,7 @@ static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_
 // Compute the stress from load or modulus. If c->constant_area is false, the section grows with the strain.
 static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
 {
-    if (what == KN_LOAD && kn_curve_need_area(f) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    if (what == KN_LOAD && kn_curve_need(f, f->area_m2, "a load", "area", "1 cm^2") != KN_EXIT_OK) return KN_EXIT_USAGE;
     if (what == KN_LOAD && !(c->strain > 0) && !c->constant_area)
         return kn_curve_refuse(f, 0, -1,
                                "a load without the strain, which is needed for the area, expected a line '# strain: "
@@ -713,9 +685,9 @@ static int clock_of(const kn_curve_file *f, int count, const int clock[])
                  f->table.column[best].heading.name, best_s);
     return best;
 }
+
 // Find whether the columns say that the curve is of shear. If they do not say of what it is, but a rheometer may have
 // written them, keep the name of such a column, to be told.
-// written them, report that it is read as compression.
 static bool is_shear(kn_curve_file *f, int count, const int wanted[])
 {
     const char *unsaid = NULL;

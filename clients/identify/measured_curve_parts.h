@@ -92,16 +92,15 @@ void kn_curve_upright(const kn_curve_file *f, int count, double *value, const ch
 // time of the first reading and report this on stdout.
 double kn_curve_begin(const kn_curve_file *f, const kn_curve *c);
 
-// Print an error and return an exit code if neither a note nor an option gives the specimen's height or its area, which
-// a displacement or a load needs. Otherwise return 0.
-int kn_curve_need_height(const kn_curve_file *f);
-int kn_curve_need_area(const kn_curve_file *f);
+// Print an error and return an exit code if neither a note nor an option gives a value of the specimen, `key`, such as
+// "height", which `what` needs. Otherwise return 0.
+int kn_curve_need(const kn_curve_file *f, double value, const char *what, const char *key, const char *example);
 
 // Set the initial height of the specimen and report its source on stdout.
 void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, const char *source);
 
 // Print one line on stdout that begins with the file's name, such as "creep.csv: ...".
-__attribute__((format(printf, 2, 3))) void kn_curve_say(const kn_curve_file *f, const char *format, ...);
+#define kn_curve_say(f, ...) ((void)(printf("%s: ", (f)->table.file), printf(__VA_ARGS__), putchar('\n')))
 
 // Report on stdout that `count` readings were left out, if there are any. The text `which` follows the number.
 void kn_curve_say_left_out(const kn_curve_file *f, int count, const char *which);
@@ -121,7 +120,8 @@ int kn_curve_refuse_columns(const kn_curve_file *f, const char *quantity, const 
 
 // Print an error at the cell of `column` in a line of the file and return an exit code. line 0: the line of names;
 // column -1: the start of the line.
-__attribute__((format(printf, 4, 5))) int kn_curve_refuse(const kn_curve_file *f, int line, int column,
-                                                          const char *format, ...);
+#define kn_curve_refuse(f, line, column, ...)                                                                          \
+    kn_table_reader_complain(&(f)->table, (line) ? (line) : (f)->table.header_line,                                    \
+                             (column) < 0 ? 1 : kn_table_reader_at(&(f)->table, line, column), __VA_ARGS__)
 
 #endif

@@ -1,4 +1,5 @@
 #include "core/scene/draft.h"
+#include "core/algebra/algebra.h"
 #include "core/scene/mesh_file.h"
 
 #include <errno.h>
@@ -160,16 +161,12 @@ static int by_height(const void *a, const void *b)
     return (p[2] > q[2]) - (p[2] < q[2]);
 }
 
-// Return the squared area, times 4, of the triangle from the first node to p and q.
-static double area4(const double o[3], const double p[3], const double q[3])
+// Return the length of the cross product of p - o and q - o.
+static double across(const double o[3], const double p[3], const double q[3])
 {
-    double sum = 0;
-    for (int k = 0; k < 3; k++) {
-        const int i = (k + 1) % 3, j = (k + 2) % 3;
-        const double c = (p[i] - o[i]) * (q[j] - o[j]) - (p[j] - o[j]) * (q[i] - o[i]);
-        sum += c * c;
-    }
-    return sum;
+    double u[3], v[3];
+    for (int k = 0; k < 3; k++) u[k] = p[k] - o[k], v[k] = q[k] - o[k];
+    return sqrt(fmax(0, kn_dot(u, u) * kn_dot(v, v) - kn_dot(u, v) * kn_dot(u, v)));
 }
 
 // Refuse a bonded support whose nodes lie on one line (in a flat mesh: at one point), because the object could turn.
@@ -177,23 +174,21 @@ static bool check_support(kn_draft *draft)
 {
     const kn_simplices *s = draft->scene.mesh;
     const size_t count = (size_t)s->node_count;
-    double(*x)[3] = malloc(count * sizeof *x), size = 0, least_m;
+    double(*x)[3] = malloc(count * sizeof *x);
     if (!x) return kn_draft_complain(draft, draft->at[0][KN_KEY_MESH], "not enough memory for the mesh");
     memcpy(x, s->x_m, count * sizeof *x);
     qsort(x, count, sizeof *x, by_height);
-    for (size_t i = 0; i < count; i++)
-        for (int k = 0; k < 3; k++) size = fmax(size, fabs(x[i][k] - x[0][k]));
+    const double high_m = x[count - 1][2] - x[0][2], near_m = 1e-3 * high_m;
     // go up until a node is apart from the lowest one, then until one is off the line through both
-    size_t second = 1, third;
+    size_t second = 0, third;
     while (second + 1 < count &&
-           hypot(hypot(x[second][0] - x[0][0], x[second][1] - x[0][1]), x[second][2] - x[0][2]) < 1e-3 * size)
+           fabs(x[second][0] - x[0][0]) + fabs(x[second][1] - x[0][1]) + fabs(x[second][2] - x[0][2]) < near_m)
         second++;
-    third = second;
-    while (s->dimension == 3 && third + 1 < count && area4(x[0], x[second], x[third]) < pow(1e-3 * size, 4)) third++;
-    least_m = x[third][2] - x[0][2];
-    const double held_m = fmax(draft->scene.model.support_depth_m, 1e-6 * (x[count - 1][2] - x[0][2]));
+    for (third = second; s->dimension == 3 && third + 1 < count; third++)
+        if (across(x[0], x[second], x[third]) >= near_m * near_m) break;
+    const double least_m = x[third][2] - x[0][2];
     free(x);
-    return least_m <= held_m ||
+    return least_m <= fmax(draft->scene.model.support_depth_m, 1e-6 * high_m) ||
            kn_draft_complain(draft, draft->at[0][KN_KEY_SUPPORT],
                              "support: bonded holds only nodes on one line, about which the object turns, expected "
                              "support_depth of %.3g mm or more",
