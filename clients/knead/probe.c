@@ -88,8 +88,9 @@ static const char help[] =
     "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
     "  --held           also render forces older than 5 ms, to study their effect.\n"
     "                   Without this option such forces are refused, as every device should do\n\n"
-    "Exit codes: 0 path played to its end; 1 played to its end, but the device buzzed or gave more than\n"
-    "10 mJ to the hand; 2 bad input; 3 no answer, forces older than 5 ms, or three interrupted tries.\n";
+    "Exit codes: 0 path played to its end; 1 played to its end, but the object is no longer there, or the device\n"
+    "buzzed or gave more than 10 mJ to the hand; 2 bad input; 3 no answer, forces older than 5 ms, or three\n"
+    "interrupted tries.\n";
 
 // Largest speed of a sine, m/s. It is the default of brake_m_s; above this speed kneadd sends only a damping force.
 static const double fastest_m_s = 1.2;
@@ -638,9 +639,13 @@ static int finish(probe *p)
     int64_t last_tick = p->record->force_count ? p->record->force[p->record->force_count - 1].force.tick : -1;
     // The dent is the height before the session minus the height after it. The mesh must be later than the last force.
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
-        if (look(p, last_tick) && kn_tool_height_object(&p->mesh, p->x_m, p->y_m, &after_m))
-            report.residual_m = p->before_m - after_m;
-        else code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal, so the depth of the dent is not known");
+        if (!look(p, last_tick))
+            code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal, so the depth of the dent is not known");
+        else if (kn_tool_height_object(&p->mesh, p->x_m, p->y_m, &after_m)) report.residual_m = p->before_m - after_m;
+        else
+            code = complain(
+                KN_EXIT_FAILED,
+                "the object is no longer where the tool pressed it: it has moved away, or its nodes have flown off");
     }
     if (p->player.hand.mode == KN_HAND_DONE && !p->opt.quiet) {
         printf("%s of %s, tool %s\n", p->opt.path, p->scene->name, p->tool->name);
