@@ -491,14 +491,6 @@ static double largest(const kn_table_reader *s, int column, int begin, int end)
     return column < 0 ? 0 : kn_largest_magnitude(end - begin, s->column[column].value + begin);
 }
 
-static double last_time(const double *t, int begin, int end)
-{
-    double last = 0;
-    for (int i = begin; i < end; i++)
-        if (isfinite(t[i])) last = t[i];
-    return last;
-}
-
 // Join each recovery to its curve. Instruments write a recovery as a new interval without load, whose time begins at 0
 // again. Shift the times of this interval so that they continue the times of the interval before.
 static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
@@ -507,7 +499,8 @@ static void join_recoveries(const kn_curve_file *f, const columns *c, int key)
     double *t = s->column[c->time].value;
     for (int begin = 0, end; (end = kn_curve_range_end(s, c->time, begin)) < s->rows;) {
         const int next = kn_curve_range_end(s, c->time, end);
-        const double from = last_time(t, begin, end);
+        double from = 0;
+        for (int i = begin; i < end; i++) from = isfinite(t[i]) ? t[i] : from;
         if (largest(s, key, end, next) < 0.02 * largest(s, key, begin, end) && from > 0 && t[end] >= 0) {
             kn_curve_say(f, "time falls in line %d, without load: read as the recovery, which begins at %.5g s",
                          s->line[end], from);

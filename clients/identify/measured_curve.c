@@ -41,13 +41,9 @@ int kn_curve_refuse_note(const kn_curve_file *f, const char *key, const char *fo
 int kn_curve_refuse_columns(const kn_curve_file *f, const char *quantity, const char *example)
 {
     char unknown[400];
-    bool turned = false;
-    for (int c = 0; c < f->table.columns; c++) {
-        const char *word = f->table.column[c].heading.word;
-        turned |= strstr(word, "torque") || strstr(word, "drehmoment") || strstr(word, "deflection angle") ||
-                  strstr(word, "auslenkwinkel");
-    }
     kn_column_unknown(&f->table, unknown, sizeof unknown);
+    const bool turned = strcasestr(unknown, "torque") || strcasestr(unknown, "drehmoment") ||
+                        strcasestr(unknown, "deflection angle") || strcasestr(unknown, "auslenkwinkel");
     return kn_curve_refuse(f, 0, -1, "no column of %s, expected one, e.g. '%s'%s%s%s%s", quantity, example,
                            turned ? "; a torque or a deflection angle depends on the instrument's geometry: export "
                                     "shear stress and shear strain"
@@ -598,9 +594,7 @@ static int load_press(kn_curve_file *f)
     if (code == KN_EXIT_OK) depth = kn_column_find_first(s, 2, depths, &what, &code);
     if (code != KN_EXIT_OK) return code;
     if (time < 0 || load < 0 || depth < 0)
-        return time < 0   ? kn_curve_refuse_columns(f, "time", "time_s")
-               : load < 0 ? kn_curve_refuse_columns(f, "force", "force_N")
-                          : kn_curve_refuse_columns(f, "depth", "depth_mm");
+        return kn_curve_refuse_columns(f, time < 0 ? "time" : load < 0 ? "force" : "depth", "time_s,force_N,depth_mm");
     int wanted[] = {time, load, depth};
     code = kn_curve_read(f, 3, wanted);
     if (code != KN_EXIT_OK) return code;

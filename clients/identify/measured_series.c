@@ -246,12 +246,7 @@ int kn_curve_peak(const kn_curve *c)
     return peak;
 }
 
-double kn_curve_largest(const kn_curve *c)
-{
-    double most = 0;
-    for (int i = 0; i < c->count; i++) most = fmax(most, c->value[i]);
-    return most;
-}
+double kn_curve_largest(const kn_curve *c) { return c->count > 0 ? fmax(0, c->value[kn_curve_peak(c)]) : 0; }
 
 // Return the smallest difference between two unequal neighbouring readings, which is one step of the gauge.
 static double gauge(int count, const double *value)

@@ -463,13 +463,6 @@ static int save_mesh(const options *o, const kn_simplices *s)
     return kn_output_close(&file, mesh);
 }
 
-// Return the volume of the mesh over that of the surface.
-static double filled(const options *o, const kn_shell *shell, const kn_simplices *s)
-{
-    kn_simplices_measures m;
-    return kn_simplices_measure(s, &m) ? m.volume * pow(o->units_per_m, 3) / shell->volume : 0;
-}
-
 // Fill the surface with tetrahedra of an edge length. If gmsh fails and no program was asked for, let tetgen try; *tool
 // is the program from then on.
 static int fill_size(const options *o, const kn_shell *shell, double size, int *tool, kn_simplices **s)
@@ -500,12 +493,15 @@ enum { SIZES = 12 };
 static int fill(const options *o, const kn_shell *shell)
 {
     kn_simplices *s = NULL;
-    double size = o->size_m * o->units_per_m, off = 0;
+    double size = o->size_m * o->units_per_m;
     int tool = o->tool;
     for (int i = 0; i <= SIZES && (i == 0 || tetrahedra(shell, size) < KN_SIMPLICES_ELEMENTS_MAX); i++, size *= 0.7) {
         const int code = fill_size(o, shell, size, &tool, &s);
         if (code != KN_EXIT_OK) return code;
-        if (fabs(off = filled(o, shell, s) - 1) <= VOLUME_OFF) break;
+        kn_simplices_measures m = {0};
+        kn_simplices_measure(s, &m);
+        const double off = m.volume * pow(o->units_per_m, 3) / shell->volume - 1;
+        if (fabs(off) <= VOLUME_OFF) break;
         fprintf(stderr, "knead mesh: with edges of %.3g mm the volume of the mesh is off by %+.0f %%\n",
                 1e3 * size / o->units_per_m, 100 * off);
         kn_simplices_destroy(s);
