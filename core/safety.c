@@ -324,8 +324,7 @@ bool kn_safety_watch(kn_safety *s, const kn_safety_in *in)
 // guard acted.
 static int guard(kn_safety *s, const double force_n[3])
 {
-    // the allowed change grows with the time since the last live contact, gap_ms, but at most to that of hold_ms, or 3
-    // ms
+    // the allowed change grows with the time since the last live contact, gap_ms, for at most hold_ms and at most 3 ms
     const int most = s->limits.hold_ms < 3 ? s->limits.hold_ms : 3;
     int ms = s->gap_ms < 1 ? 1 : s->gap_ms < most ? s->gap_ms : most;
     kn_guard_result result = kn_guard_pass(&s->guard, force_n, s->guard.most_n_per_ms * ms, s->force_n);

@@ -8,10 +8,10 @@
 #include <stddef.h>
 #include <string.h>
 
-// Distance from the object above which a tool counts as lifted, m. When poses stop, the servo moves the tool on for
-// hold_ms, and the object stays where the tool pushed it. When poses come back, a small gap is left between the
-// object and the tool, although the hand never moved the tool. This gap must not count as lifting.
-// It is that of 3 ms.
+// Distance from the object above which a tool counts as lifted, m, if forces are held for 3 ms; for a longer hold_ms it
+// is longer in proportion. When poses stop, the servo moves the tool on for hold_ms, and the object stays where the tool
+// pushed it. When poses come back, a small gap is left between the object and the tool, although the hand never moved
+// the tool. This gap must not count as lifting.
 #define LIFTED_M 5e-4
 
 // Read the pose and session of a probe, and fill the input of its safety watch.

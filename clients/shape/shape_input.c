@@ -202,8 +202,7 @@ static bool make_room(kn_force_residual *f, int64_t readings)
     return f->time_s && f->force_n;
 }
 
-// Read time and force from a file. `told` receives the names of the columns and of the probe,
-// for the report.
+// Read time and force from a file. `told` receives the names of the columns and of the probe, for the report.
 static int read_force(kn_table_reader *s, kn_force_residual *f, const char *file, const char *probe,
                       char told[2 * KN_HEADING_NAME + 100])
 {

@@ -99,6 +99,57 @@ TEST(
     CHECK_NEAR(turned[1] / turned[0], 1.0, 0.10);
 }
 
+// Rest the hand 1 cm below the touch of the finger, with poses at a rate, each early or late by up to `jitter` of a
+// period. Return the smallest gain of the last half second; *most: the largest one; *force_n: the last force; *turn_n:
+// the largest change of the force in a tick.
+static double least_gain(const char *rate_hz, double jitter, double *most, double *force_n, double *turn_n)
+{
+    char set[64];
+    snprintf(set, sizeof set, "device.rate=%s Hz", rate_hz);
+    OWN(rig) *r = rig_make_of("jelly.yaml", set);
+    const double each_ms = 1e3 / atof(rate_hz);
+    double next_ms = 0, least = INFINITY;
+    uint64_t random = 1;
+    r->in.pose[1] = &r->pose[1];
+    *most = *force_n = *turn_n = 0;
+    for (int i = 0, n = 0; i < 4500; i++) {
+        while (next_ms <= i) {
+            r->in.fresh[1] = true;
+            r->pose[1].seq++;
+            r->pose[1].position_m[2] = 0.1 - fmin(2e-5 * i, 0.035); // the finger touches at 0.075
+            random = random * 6364136223846793005 + 1442695040888963407;
+            next_ms = ++n * each_ms + jitter * each_ms * ((double)(random >> 40) / (1 << 23) - 1);
+        }
+        tick(r);
+        const double now_n = r->out.force[1].force_n[2], gain = r->out.force[1].gain;
+        if (i >= 4000) {
+            least = fmin(least, gain);
+            *most = fmax(*most, gain);
+            *turn_n = fmax(*turn_n, fabs(now_n - *force_n));
+        }
+        *force_n = now_n;
+    }
+    return least;
+}
+
+TEST("a device that states its rate feels the whole force of a resting finger, also if poses are up to half a period "
+     "early or late, from 125 Hz on")
+{
+    static const struct {
+        const char *rate_hz;
+        double force_n;
+    } all[] = {{"66.7", 0.50}, {"100", 0.58}, {"125", 0.61}, {"200", 0.68}, {"250", 0.71},
+               {"333", 0.74},  {"500", 0.77}, {"1000", 0.8}, {"4000", 0.8}};
+    for (int i = 0; i < 9; i++) {
+        double most, force_n, turn_n;
+        CHECK(least_gain(all[i].rate_hz, 0, &most, &force_n, &turn_n) == 1 && turn_n < 1e-3);
+        CHECK_NEAR(force_n, all[i].force_n, 0.01);
+        const double least = least_gain(all[i].rate_hz, 0.5, &most, &force_n, &turn_n);
+        CHECK(i < 2 ? least == 0 && most < 0.2 : least == 1 && turn_n < 1e-3);
+        CHECK(i < 2 || fabs(force_n - all[i].force_n) < 0.01);
+    }
+}
+
 TEST("the local contact models of tools with a session change no bit of the forces")
 {
     OWN(rig) *told = rig_make(NULL), *plain = rig_make(NULL);
