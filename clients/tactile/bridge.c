@@ -80,8 +80,44 @@ static void answer(kn_bridge *b)
 {
     const kn_device_session *t = &b->now.session;
     b->answered = true;
+    if (b->device->watchdog == KN_OWN_UNPROVED) return; // prove() sends the commands
     bool live = kn_device_session_live(t) && b->device->watchdog == KN_OWN_TRUSTED;
     if (b->open && b->device->give) b->device->give(b->device, t->render.given_n, live);
+}
+
+// Test of a device's own watchdog, at 0 N. Times count from the first command:
+//
+//     0 ms    commands with the motors off
+//     10 ms   commands with the motors on
+//     30 ms   the device reports that its motors are on; no more commands
+//     130 ms  the next report decides: the device must have switched its motors off by itself
+//
+// If its motors do not come on, or this thread was late with a command, the test begins again, five times at most.
+enum { ON_MS = 10, SILENT_MS = 30, JUDGED_MS = 130, LATE_MS = 5, TESTS = 5 };
+
+static void prove(kn_bridge *b, int elapsed_ms)
+{
+    kn_tactile *d = b->device;
+    const int before_ms = b->proof_ms, ms = b->proof_ms += elapsed_ms;
+    const char *why = NULL;
+    if (before_ms > 0 && before_ms < SILENT_MS && elapsed_ms > LATE_MS)
+        why = "this program was late in 5 tests of its watchdog";
+    else if (before_ms < SILENT_MS && ms >= SILENT_MS && !d->motors)
+        why = "its motors were off in 5 tests of its watchdog: is its force switched on?";
+    if (why) {
+        b->proof_ms = 0;
+        if (++b->tests < TESTS) return;
+        b->now.untrusted = why;
+        d->watchdog = KN_OWN_MISSING;
+    } else if (ms < SILENT_MS) {
+        d->give(d, (double[3]){0}, ms >= ON_MS);
+    } else if (ms < JUDGED_MS) {
+        b->proof_messages = d->messages;
+    } else if (d->messages > b->proof_messages) {
+        b->now.untrusted =
+            "its watchdog has not acted in 100 ms of silence, so the force would stay on if this program died";
+        d->watchdog = d->motors ? KN_OWN_MISSING : KN_OWN_TRUSTED;
+    }
 }
 
 static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
@@ -108,6 +144,7 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     kn_haptic_render_turn(&t->render, pose.orientation_wxyz);
     b->now.arrivals += !b->now.there;
     b->now.there = true;
+    if (b->device->watchdog == KN_OWN_UNPROVED) return; // kneadd must not push before the device may
     if (!kn_device_session_pose(t, device->position_m, device->velocity_m_s)) return;
     pose.session = t->session;
     pose.seq = t->seq;
@@ -160,7 +197,8 @@ static void close_lost(kn_bridge *b)
     b->lost = false;
     b->device->close(b->device);
     b->now.losses += b->now.there;
-    b->open = b->now.there = false;
+    b->open = b->now.there = b->device->motors = false;
+    b->proof_ms = b->tests = 0;
     b->retry_ms = retry_ms;
 }
 
@@ -194,6 +232,7 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
     b->now.late += elapsed_ms - 1;
     // Let the driver run first, because it may report a pose or a loss in this tick.
     if (b->open && d->tick) d->tick(d, elapsed_ms);
+    if (b->now.there && d->watchdog == KN_OWN_UNPROVED) prove(b, elapsed_ms);
     bool live = kn_device_session_live(&b->now.session);
     kn_device_session_tick(&b->now.session, now_s(), elapsed_ms);
     // Call `give` in this tick even without a new force, so that a tripped watchdog switches the motors off at once.
@@ -304,6 +343,7 @@ static void prepare(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device, 
     snprintf(b->pose_channel, sizeof b->pose_channel, "KNEAD_POSE_%s", def->probe);
     snprintf(b->force_channel, sizeof b->force_channel, "KNEAD_FORCE_%s", def->probe);
     snprintf(b->contact_channel, sizeof b->contact_channel, "KNEAD_CONTACT_%s", def->probe);
+    b->now.untrusted = "its watchdog cannot be tested";
     kn_device_session_init(&b->now.session, def->session, &def->render);
     kn_mailbox_init(&b->news, b->slots, sizeof *b->slots);
 }

@@ -12,7 +12,7 @@
 //                                +-- 1 ms timer: watchdogs, fading of the force, reopening of a lost device
 //
 // The session (device_session.h) is the part of the bridge that holds the watchdogs and the output stage. The thread
-// neither prints nor blocks. It posts its counters and messages as kn_bridge_news for other threads.
+// does not print, and blocks only in the calls of a maker's library (vendor.h). It posts its counters and messages as kn_bridge_news for other threads.
 #include "clients/hand/bus_client.h"
 #include "clients/tactile/device_session.h"
 #include "proto/knead_contact_force_t.h"
@@ -51,7 +51,7 @@ typedef enum kn_own_watchdog {
     // or the device has no motors.
     KN_OWN_TRUSTED,
     KN_OWN_UNPROVED, // the device is open, but gets no force until its watchdog has acted in a test
-    KN_OWN_MISSING   // the device's watchdog did not act in the test, so the device gets no force
+    KN_OWN_MISSING   // the test has failed, so the device gets no force
 } kn_own_watchdog;
 
 // Interface of a driver. A driver's own struct begins with this struct. The bridge calls all functions from its own
@@ -74,7 +74,9 @@ typedef struct kn_tactile {
     // True: the device sends a pose only as an answer to a force. The bridge then never answers a pose with a force at
     // once. Otherwise each pose would cause a force and each force a pose, without a pause.
     bool answers;
-    kn_own_watchdog watchdog; // set by the driver at each opening
+    // The driver sets TRUSTED or UNPROVED at each opening. If it sets UNPROVED, the bridge tests the watchdog.
+    kn_own_watchdog watchdog;
+    bool motors; // the newest message of the device says that its motors are on
     // Counters of the driver.
     int64_t messages; // number of messages of the device that contain a pose
     // bad: number of malformed messages; lost: number of missing messages, from gaps in the sequence numbers.
@@ -96,7 +98,8 @@ typedef struct kn_bridge_news {
     int64_t messages, bad, lost, late;
     char bad_why[96], state[96];
     kn_own_watchdog watchdog;
-    double position_m[3]; // position of the tool, in the scene's coordinates
+    const char *untrusted; // reason of KN_OWN_MISSING
+    double position_m[3];  // position of the tool, in the scene's coordinates
     int32_t buttons;
 } kn_bridge_news;
 
@@ -116,6 +119,10 @@ struct kn_bridge {
     ev_io forces, timer;
     ev_async stop;
     int timer_fd, retry_ms;
+    // Test of the device's own watchdog: time since the test began, tests so far, and the number of messages of the
+    // device before the report that decides.
+    int proof_ms, tests;
+    int64_t proof_messages;
     bool open;     // the device is open, although it may not have given a pose yet
     bool heard;    // true: a force of this session has arrived, but the device has not got it yet
     bool answered; // true: the driver's function `give` was called since the last tick

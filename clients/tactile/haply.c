@@ -147,7 +147,8 @@ int kn_haply_ask(char text[KN_HAPLY_MESSAGE])
 // largest message, bytes; the inventory of many devices has only a few thousand bytes
 static const size_t largest = 1 << 18;
 static const int patience_ms = 1000; // longest wait for an answer of the service before the service counts as lost
-static const int ask_ms = 500;       // interval at which the inventory is requested while the wanted arm is missing
+static const int inventory_ms = 500; // interval at which the inventory is requested while the wanted arm is missing
+static const int asks_ms = 100;      // silence after which the state of the arm is requested
 static const int reach_ms = 300;     // longest wait until the service accepts a connection
 
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
@@ -195,26 +196,12 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
     return ok;
 }
 
-// ---- proof: a test that the service drops a force that is not renewed. Times count from the greeting:
-//
-//     0 ms    send 0 N again and again
-//     20 ms   send nothing
-//     120 ms  ask for the state: control_mode must be idle
-#define SILENT_NS 20000000 // time from the greeting to the beginning of the silence
-#define ASKED_NS 100000000 // time from the last message to the state request
-
-static bool proves(const kn_haply *h) { return h->base.watchdog == KN_OWN_UNPROVED && h->greeted_ns; }
-
-static int64_t proof_ns(const kn_haply *h) { return kn_now_ns() - h->greeted_ns; }
-
 // ---- conversation with the service
 
-// Request a write to the service. Do nothing if an answer of the service is pending, or if the watchdog test (proof)
-// needs silence.
+// Request a write to the service. Do nothing if an answer of the service is pending.
 static void send_next(kn_haply *h)
 {
     if (!h->connected || h->in_flight || !h->wsi) return;
-    if (proves(h) && proof_ns(h) > SILENT_NS && kn_now_ns() - h->sent_ns < ASKED_NS) return;
     // Mark the message as sent now. Otherwise a second write could be requested before libwebsockets calls back for the
     // first one.
     h->in_flight = true;
@@ -226,14 +213,12 @@ static int write_message(kn_haply *h)
 {
     char buffer[LWS_PRE + KN_HAPLY_MESSAGE], *text = buffer + LWS_PRE;
     if (!h->in_flight) return 0;
-    h->asked = proves(h) && kn_now_ns() - h->sent_ns >= ASKED_NS;
-    h->sent_ns = kn_now_ns();
-    // Ask for the inventory if no arm is known, or at the end of the silence in the watchdog test. Send the greeting to
-    // a new arm. Otherwise send the force.
-    int size = !*h->device_id || h->asked ? kn_haply_ask(text)
-               : h->greeted               ? kn_haply_push(text, h->device_id, h->force_n)
-                                          : kn_haply_greet(text, h->device_id, h->preset);
-    if (*h->device_id && !h->greeted) h->greeted_ns = kn_now_ns();
+    // Ask for the inventory if no arm is known. Ask for the state after 100 ms of silence, in a test of the service's
+    // watchdog. Send the greeting to a new arm. Otherwise send the force.
+    const bool asks = h->greeted && h->base.watchdog == KN_OWN_UNPROVED && h->silent_ms >= asks_ms;
+    int size = !*h->device_id || asks ? kn_haply_ask(text)
+               : h->greeted           ? kn_haply_push(text, h->device_id, h->force_n)
+                                      : kn_haply_greet(text, h->device_id, h->preset);
     h->greeted = *h->device_id;
     h->wanted_force = false;
     return lws_write(h->wsi, (unsigned char *)text, (size_t)size, LWS_WRITE_TEXT) < size ? -1 : 0;
@@ -260,11 +245,9 @@ static void take(kn_haply *h)
         h->base.messages++;
         snprintf(h->base.state, sizeof h->base.state, "arm %s%s%s", s.device_id, s.grip ? " with a grip" : "",
                  s.calibrated ? "" : ", not calibrated: put the arm's grip on its rest");
-        // The answer at the end of the watchdog test decides the test. If the arm is idle, it has dropped its force, so
-        // the service's watchdog works.
-        if (h->asked && proves(h)) h->base.watchdog = s.idle ? KN_OWN_TRUSTED : KN_OWN_MISSING;
+        h->base.motors = !s.idle;
         // Do not pass on the position in the inventory, because it was measured before the preset was selected.
-        if (known && s.calibrated && !proves(h)) kn_bridge_moved(h->bridge, &s.pose);
+        if (known && s.calibrated) kn_bridge_moved(h->bridge, &s.pose);
     }
     // If a force has come while the answer to a message was pending, send the force now.
     if (*h->device_id && h->wanted_force) send_next(h);
@@ -341,8 +324,6 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     h->silent_ms = 0;
     *h->device_id = 0;
     h->base.watchdog = h->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
-    h->greeted_ns = 0;
-    h->asked = false;
     struct lws_client_connect_info to = {.context = h->context,
                                          .address = h->host,
                                          .port = h->port,
@@ -384,9 +365,10 @@ static void tick(kn_tactile *device, int elapsed_ms)
 {
     kn_haply *h = (kn_haply *)device;
     h->silent_ms += elapsed_ms;
-    // Ask for the inventory again every 500 ms while the wanted arm is missing. Report the service as lost if it has
-    // not answered for 1 s.
-    if (!*h->device_id && h->connected && !h->in_flight && h->silent_ms >= ask_ms) send_next(h);
+    // Ask for the inventory again every 500 ms while the wanted arm is missing, and for the state in a test of the
+    // service's watchdog. Report the service as lost if it has not answered for 1 s.
+    int ask_ms = !*h->device_id ? inventory_ms : h->base.watchdog == KN_OWN_UNPROVED ? asks_ms : patience_ms;
+    if (h->connected && h->silent_ms >= ask_ms) send_next(h);
     if (h->silent_ms >= patience_ms) kn_bridge_lost(h->bridge, "the Inverse Service has not answered for 1 s");
 }
 

@@ -87,11 +87,8 @@ typedef struct kn_haply {
     bool connected, greeted;
     // in_flight: the service has not answered the last message yet; wanted_force: a force waits to be sent.
     bool in_flight, wanted_force;
-    // unwatched: --no-watchdog was given. asked: the last message sent was the state request of the watchdog test.
-    bool unwatched, asked;
-    // greeted_ns: time of the greeting, 0 before the greeting. sent_ns: time of the last message sent.
-    int64_t greeted_ns, sent_ns;
-    int silent_ms; // time since the last answer of the service
+    bool unwatched; // --no-watchdog was given
+    int silent_ms;  // time since the last answer of the service
     double force_n[3];
 } kn_haply;
 

@@ -89,13 +89,9 @@ typedef struct kn_paddle {
     ev_io readable;
     kn_paddle_decoder deframer;
     uint16_t seq;
-    // The proof is a test of the paddle's own watchdog, made after each opening of the line. unwatched: give force
-    // without the proof. armed, during the proof: the paddle has reported that its motor was on. armed, after the
-    // proof: the paddle's watchdog is still tripped, and a command without enable must clear the trip.
-    bool unwatched, armed;
-    int proofs; // number of watchdog tests (proofs) begun since the line was opened
-    // begun_ns: start of the present watchdog test (proof); given_ns: time of its last command.
-    int64_t begun_ns, given_ns;
+    // unwatched: give force without a test of the paddle's own watchdog. clears: no command has the flag
+    // enable, until the paddle reports that the trip of the test is over.
+    bool unwatched, clears;
     // Number of force commands that were not sent, because older commands still waited in the serial line.
     int64_t held_back;
 } kn_paddle;
