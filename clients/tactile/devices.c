@@ -5,6 +5,7 @@
 #include "clients/cli/command.h"
 #include "clients/tactile/haply.h"
 #include "clients/tactile/spacenav.h"
+#include "clients/tactile/vendor.h"
 #include "server/option_table.h"
 #include <errno.h>
 #include <glob.h>
@@ -25,22 +26,27 @@ static const char help[] =
     "  --root DIR   search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
     "Exit codes: 0 the list was printed, 2 bad input.\n";
 
-// Known USB devices. Columns: vendor, product (-1: any), true for a puck (3D mouse), name, most suitable profile. knead
-// drives pucks through spacenavd.
+// Known USB devices. Columns: vendor, product (-1: any), name, most suitable profile, driver of `knead hand` (NULL:
+// none). knead drives pucks (3D mice) through spacenavd.
 static const struct known {
     unsigned vendor;
     int product;
-    bool puck;
-    const char *name, *profile;
-} usb_known[] = {
-    {0x256f, -1, true, "3Dconnexion puck", "bench"},     {0x046d, 0xc603, true, "3Dconnexion puck", "bench"},
-    {0x046d, 0xc605, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc606, true, "3Dconnexion puck", "bench"},
-    {0x046d, 0xc621, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc623, true, "3Dconnexion puck", "bench"},
-    {0x046d, 0xc625, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc626, true, "3Dconnexion puck", "bench"},
-    {0x046d, 0xc627, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc628, true, "3Dconnexion puck", "bench"},
-    {0x046d, 0xc629, true, "3Dconnexion puck", "bench"}, {0x046d, 0xc62b, true, "3Dconnexion puck", "bench"},
-    {0x0403, 0xcb48, false, "Novint Falcon", "falcon"},  {0x1451, -1, false, "Force Dimension", "omega"},
-};
+    const char *name, *profile, *driver;
+} usb_known[] = {{0x256f, -1, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc603, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc605, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc606, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc621, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc623, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc625, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc626, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc627, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc628, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc629, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc62b, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x0403, 0xcb48, "Novint Falcon", "falcon", NULL},
+                 {0x1451, -1, "Force Dimension", "omega", "forcedimension"},
+                 {0x2988, -1, "3D Systems Touch", "touch", "touch"}};
 
 // Format a text. Replace bytes that are not printable, because a terminal could take them as commands.
 __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT], const char *format, ...)
@@ -120,6 +126,24 @@ static void find_haply(kn_found *f)
     if (!f->ready) set(f->fix, "start Haply Hub, or: systemctl start haply-inverse-service");
 }
 
+static const struct known *know(unsigned vendor, unsigned product)
+{
+    for (size_t i = 0; i < sizeof usb_known / sizeof *usb_known; i++)
+        if (usb_known[i].vendor == vendor && (usb_known[i].product < 0 || (unsigned)usb_known[i].product == product))
+            return &usb_known[i];
+    return NULL;
+}
+
+// Check the library of the device's maker. Return false if it is missing, with the reason and the remedy in the entry.
+static bool find_library(kn_found *f, const struct known *known)
+{
+    bool touch = !strcmp(known->driver, "touch");
+    set(f->use, "knead hand %s%s", known->driver, touch ? " --no-watchdog" : "");
+    if (kn_vendor_load(touch ? KN_VENDOR_TOUCH : KN_VENDOR_FORCEDIMENSION, f->missing, sizeof f->missing)) return true;
+    set(f->fix, "install the maker's library as clients/tactile/README.md says");
+    return false;
+}
+
 // Describe one serial line. The entry has its USB vendor and product. If the user may not open the line, the entry also
 // has the missing permission and the remedy.
 static void find_tty(kn_found *f, const char *root, const char *path)
@@ -133,7 +157,11 @@ static void find_tty(kn_found *f, const char *root, const char *path)
     if (hex(device, "idVendor") == 0) strcat(device, "/..");
     if (hex(device, "idVendor") != 0) name_usb(f, device);
     set(f->use, "knead hand paddle --tty %s", f->where);
-    f->profile = "unknown";
+    // A Touch appears as a serial line, but libHD opens it.
+    const struct known *known = know(hex(device, "idVendor"), hex(device, "idProduct"));
+    bool touch = known && known->driver && !strcmp(known->driver, "touch");
+    f->profile = touch ? known->profile : "unknown";
+    if (touch && !find_library(f, known)) return;
     f->ready = stat(path, &s) == 0 && access(path, R_OK | W_OK) == 0;
     if (f->ready) return;
     // If the group of the device file may read and write the file, the user can join this group, which is a lasting
@@ -144,33 +172,46 @@ static void find_tty(kn_found *f, const char *root, const char *path)
     else set(f->fix, "sudo chmod a+rw %s", f->where);
 }
 
-static const struct known *know(unsigned vendor, unsigned product)
+// Describe a USB device that the library of its maker serves.
+static void find_haptic(kn_found *f, const char *root, const char *path, const struct known *known)
 {
-    for (size_t i = 0; i < sizeof usb_known / sizeof *usb_known; i++)
-        if (usb_known[i].vendor == vendor && (usb_known[i].product < 0 || (unsigned)usb_known[i].product == product))
-            return &usb_known[i];
-    return NULL;
+    char bus[8], number[8], node[PATH_MAX + 32];
+    if (!find_library(f, known)) return;
+    read_line(path, "busnum", bus, sizeof bus);
+    read_line(path, "devnum", number, sizeof number);
+    snprintf(node, sizeof node, "%s/dev/bus/usb/%03d/%03d", root, atoi(bus), atoi(number));
+    f->ready = access(node, R_OK | W_OK) == 0;
+    if (f->ready) return;
+    const int why = errno;
+    set(f->missing, "%s: %s", node + strlen(root), strerror(why));
+    if (why != EACCES) set(f->fix, "plug the device in again");
+    else
+        set(f->fix,
+            "echo 'SUBSYSTEM==\"usb\", ATTR{idVendor}==\"%04x\", MODE=\"0666\"' | sudo tee "
+            "/etc/udev/rules.d/99-haptic.rules; then plug the device in again",
+            known->vendor);
 }
 
-// Describe a USB device if it is in the table of known devices, and return true. Set *puck if the device is a puck (3D
-// mouse).
+// Describe a USB device if it is in the table of known devices, and return true. A Touch is found as a serial line. Set
+// *puck if the device is a puck (3D mouse).
 static bool find_usb(kn_found *f, const char *root, const char *path, bool *puck)
 {
     const struct known *known = know(hex(path, "idVendor"), hex(path, "idProduct"));
-    if (!known) return false;
+    if (!known || !strcmp(known->profile, "touch")) return false;
     strcpy(f->kind, "usb");
     set(f->where, "%s", path + strlen(root));
     name_usb(f, path);
     if (!*f->name) set(f->name, "%s", known->name);
     f->profile = known->profile;
-    *puck |= known->puck;
-    if (known->puck) {
-        f->ready = true;
-        set(f->use, "knead hand spacenav");
-    } else {
+    if (!known->driver) {
         set(f->missing, "no driver for %s", known->name);
         set(f->fix, "extend clients/examples/touch.c with the maker's library; set `device: %s` in the scene",
             known->profile);
+    } else if (strcmp(known->driver, "spacenav") == 0) {
+        *puck = f->ready = true;
+        set(f->use, "knead hand spacenav");
+    } else {
+        find_haptic(f, root, path, known);
     }
     return true;
 }

@@ -6,7 +6,7 @@
 //     spacenavd's socket          accepts a connection                     knead hand spacenav
 //     the Inverse Service         accepts a connection                     knead hand haply
 //     /dev/ttyACM*, /dev/ttyUSB*  name of the device (/sys), permission    knead hand paddle --tty
-//     USB devices in /sys         haptic devices without a driver here     see clients/examples/touch.c
+//     USB devices in /sys         the maker's library, permission          knead hand forcedimension, touch
 #include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>

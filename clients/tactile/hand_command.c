@@ -9,6 +9,7 @@
 #include "clients/tactile/haply.h"
 #include "clients/tactile/paddle.h"
 #include "clients/tactile/spacenav.h"
+#include "clients/tactile/vendor.h"
 #include "core/scene/keys.h"
 #include "core/scene/units.h"
 #include "server/clock.h"
@@ -26,10 +27,16 @@
 
 // ---- options
 
-typedef enum hand_kind { KN_HAND_PADDLE, KN_HAND_SPACENAV, KN_HAND_HAPLY } hand_kind;
+typedef enum hand_kind {
+    KN_HAND_PADDLE,
+    KN_HAND_SPACENAV,
+    KN_HAND_HAPLY,
+    KN_HAND_FORCEDIMENSION, // this kind and the next are in the order of kn_vendor_kind
+    KN_HAND_TOUCH
+} hand_kind;
 
-// Parsed options. If an option was not given, its field is NULL or 0. Exceptions: baud, puck.turn_rad_s, host, port,
-// device_id and preset then have default values.
+// Parsed options. If an option was not given, its field is NULL or 0. Exceptions: baud, puck.turn_rad_s, host, port
+// and preset then have default values.
 typedef struct hand_options {
     hand_kind kind;
     const char *probe; // NULL: the first round probe of the scene, or the first probe if none is round
@@ -55,7 +62,9 @@ typedef struct hand_options {
 static const char help[] =
     "usage: knead hand paddle --tty DEVICE [--baud N] [OPTION]...\n"
     "       knead hand spacenav [--speed V] [--turn W] [--dead N] [--reach L] [OPTION]...\n"
-    "       knead hand haply [--url URL] [--device ID] [--preset NAME] [OPTION]...\n\n"
+    "       knead hand haply [--url URL] [--device ID] [--preset NAME] [OPTION]...\n"
+    "       knead hand forcedimension [OPTION]...\n"
+    "       knead hand touch [--device NAME] --no-watchdog [OPTION]...\n\n"
     "Use a real device as the hand of a running kneadd: send its poses as they come, and give its motors each force as soon\n"
     "as kneadd sends it. If no force or no pose comes for 20 ms, a watchdog sets the force to 0 N. This program then sends no\n"
     "pose for 1.2 s, and begins a new session. In the new session the tool feels a force only after it has been clear of the\n"
@@ -79,17 +88,23 @@ static const char help[] =
     "            orientation and buttons of a grip\n"
     "    --url URL      address of the service, ws://HOST:PORT (default: " KN_HAPLY_URL ")\n"
     "    --device ID    arm to use (default: the first)\n"
-    "    --preset NAME  preset of the service for the placement of the arm (default: " KN_HAPLY_PRESET ")\n\n"
+    "    --preset NAME  preset of the service for the placement of the arm (default: " KN_HAPLY_PRESET ")\n"
+    "  forcedimension   omega, delta or sigma through libdhd of the Force Dimension SDK 3, which you install: three degrees\n"
+    "            of freedom with force, and the orientation of a wrist\n"
+    "  touch     Touch or Phantom of 3D Systems through libHD of OpenHaptics 3, which you install: three degrees of freedom\n"
+    "            with force, and orientation and buttons of the stylus. libHD cannot show that the arm drops its force when\n"
+    "            this program dies, so --no-watchdog is required\n"
+    "    --device NAME  arm by its name in the maker's setup program (default: the default arm)\n\n"
     "  --probe NAME        tool of the scene (default: the first round tool, else the first tool)\n"
     "  --origin X,Y,Z      place of the device's zero in the scene, like '0,0,6 cm' (default: device.position; if this is 0,\n"
     "                      over the middle of the object, with the tool 2 cm above the object)\n"
     "  --basis PERMUTATION axes of the device along x, y and z of the scene, like XYZ or Y-XZ (default: device.basis; XYZ\n"
     "                      is x to the right, y forward, z up)\n"
     "  --scale F           metres of the scene per metre of the device (default: device.scale)\n"
-    "  --local             paddle, haply: compute the force here, from the contact that kneadd --local-model sends and the\n"
+    "  --local             devices with motors: compute the force here, from the contact that kneadd --local-model sends and the\n"
     "                      device's own poses; needed if the round trip is above 5 ms, which is too long for kneadd's forces\n"
     "  --force-limit F     largest force of the motors, like '3 N' (default: device.clamp; 3.3 N for the profile bench)\n"
-    "  --no-watchdog       paddle, haply: give force without a test of the device's own watchdog\n"
+    "  --no-watchdog       give force without a test of the device's own watchdog\n"
     "  --seconds N         end after N seconds\n"
     "  --lcm-url URL       bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL      bus of meshes (default: " KN_MESH_URL ")\n"
@@ -97,7 +112,7 @@ static const char help[] =
     "Exit codes: 0 ok, 2 bad input, 3 no device, no bus or no kneadd.\n";
 // clang-format on
 
-#define DEVICES "paddle, spacenav or haply"
+#define DEVICES "paddle, spacenav, haply, forcedimension or touch"
 
 // Read a quantity and convert it to the unit `unit_text`. If the text has no unit, assume the unit *otherwise; if
 // `otherwise` is NULL, return false instead. Store the unit of the text, or the assumed unit, in *said.
@@ -146,9 +161,9 @@ static const char *take_baud(void *baud, const char *text)
     return kn_paddle_baud_known(*(int *)baud = atoi(text)) ? NULL : KN_PADDLE_BAUDS;
 }
 
-static const char *take_id(void *id, const char *text)
+static const char *take_preset(void *preset, const char *text)
 {
-    return kn_haply_id_known(*(const char **)id = text) ? NULL : "";
+    return kn_haply_id_known(*(const char **)preset = text) ? NULL : "";
 }
 
 static const char *take_url(void *options, const char *text)
@@ -162,7 +177,7 @@ static int device(hand_options *o, int count, char **names)
 {
     if (count != 1)
         return kn_complain("hand", KN_EXIT_USAGE, "expected one device: " DEVICES "; knead hand --help explains them");
-    const int kind = kn_choice_of("paddle|spacenav|haply", names[0]);
+    const int kind = kn_choice_of("paddle|spacenav|haply|forcedimension|touch", names[0]);
     if (kind < 0) return kn_complain("hand", KN_EXIT_USAGE, "no device `%s`: expected " DEVICES, names[0]);
     o->kind = (hand_kind)kind;
     return KN_OPTIONS_READ;
@@ -175,7 +190,15 @@ static int check(const hand_options *o)
     if (o->kind == KN_HAND_PADDLE && !o->tty)
         return kn_complain("hand", KN_EXIT_USAGE, "expected --tty DEVICE; knead devices lists candidates");
     if (o->kind == KN_HAND_SPACENAV && o->local)
-        return kn_complain("hand", KN_EXIT_USAGE, "--local: a puck has no motors, expected paddle or haply");
+        return kn_complain("hand", KN_EXIT_USAGE, "--local: a puck has no motors, expected a device with motors");
+    if (o->device_id && o->kind != KN_HAND_HAPLY && o->kind != KN_HAND_TOUCH)
+        return kn_complain("hand", KN_EXIT_USAGE, "--device: only for haply and touch");
+    if (o->device_id && o->kind == KN_HAND_HAPLY && !kn_haply_id_known(o->device_id))
+        return kn_complain("hand", KN_EXIT_USAGE, "--device %s: expected an id like 049D", o->device_id);
+    if (o->kind == KN_HAND_TOUCH && !o->unwatched)
+        return kn_complain("hand", KN_EXIT_USAGE,
+                           "touch needs --no-watchdog, because libHD cannot show that the arm drops its force when "
+                           "this program dies. Keep a hand on the power switch");
     if (!kn_bus_client_check(o->lcm_url, KN_FORCE_URL, error, sizeof error) ||
         !kn_bus_client_check(o->mesh_url, KN_MESH_URL, error, sizeof error))
         return kn_complain("hand", KN_EXIT_USAGE, "%s", error);
@@ -191,8 +214,8 @@ static const kn_option rows[] = {
     KN_OPTION("dead", INTEGER, AT(puck.dead), KN_RANGE(1, KN_PUCK_FULL - 1), .expected = "1 to 349 counts"),
     KN_OPTION("reach", QUANTITY, AT(puck.reach_m), .unit = "m", .expected = "something like '8 cm'"),
     KN_OPTION("url", SPECIAL, .take = take_url),
-    KN_OPTION("device", SPECIAL, AT(device_id), .take = take_id, .expected = "an id like 049D"),
-    KN_OPTION("preset", SPECIAL, AT(preset), .take = take_id, .expected = "a name like " KN_HAPLY_PRESET),
+    KN_OPTION("device", TEXT, AT(device_id)),
+    KN_OPTION("preset", SPECIAL, AT(preset), .take = take_preset, .expected = "a name like " KN_HAPLY_PRESET),
     KN_OPTION("probe", TEXT, AT(probe)),
     KN_OPTION("origin", SPECIAL, .take = take_origin),
     KN_OPTION("basis", SPECIAL, AT(basis), .take = take_basis),
@@ -212,7 +235,7 @@ static int parse(hand_options *o, int argc, char **argv)
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
                                           .unknown = "unknown option; knead hand --help lists them"};
     // Set the defaults. Fields that stay 0 get their value from the scene or from the driver.
-    *o = (hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .device_id = "", .preset = KN_HAPLY_PRESET};
+    *o = (hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     int code = kn_options_read(&table, o, argc, argv);
     if (code == KN_OPTIONS_READ) code = device(o, argc - optind, argv + optind);
@@ -256,6 +279,7 @@ typedef struct hand {
         kn_paddle paddle;
         kn_spacenav spacenav;
         kn_haply haply;
+        kn_vendor vendor;
     } device;
     told told;
 } hand;
@@ -395,6 +419,7 @@ static void tell_session(told *t, const kn_bridge_news *n, const char *name, int
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
             : n->there              ? kn_bus_client_why("is kneadd running, and does it serve this probe?")
+            : *n->why               ? n->why
             : *n->state             ? n->state
                                     : "the device has not sent a position yet");
 }
@@ -451,11 +476,8 @@ static int watch(hand *h)
         now_ms = kn_live_server_now_ms();
         // It is not safe to continue after the test of the device's own watchdog has failed.
         if (n->watchdog == KN_OWN_MISSING)
-            return kn_complain(
-                "hand", KN_EXIT_DEVICE,
-                "the watchdog of the %s has not acted in 100 ms of silence, so the force would stay on if "
-                "this program died; --no-watchdog gives force without this test",
-                name);
+            return kn_complain("hand", KN_EXIT_DEVICE, "%s: %s; --no-watchdog gives force without this test", name,
+                               n->untrusted);
         tell_session(&h->told, n, name, now_ms);
         tell_device(&h->told, n, name, now_ms);
         h->told.last = *n;
@@ -473,7 +495,12 @@ static int run(hand *h)
     uint32_t random;
     if (h->opt.kind == KN_HAND_PADDLE) kn_paddle_init(&h->device.paddle, h->opt.tty, h->opt.baud, h->opt.unwatched);
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
-    else kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id, h->opt.preset, h->opt.unwatched);
+    else if (h->opt.kind == KN_HAND_HAPLY)
+        kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id ? h->opt.device_id : "",
+                      h->opt.preset, h->opt.unwatched);
+    else
+        kn_vendor_init(&h->device.vendor, (kn_vendor_kind)(h->opt.kind - KN_HAND_FORCEDIMENSION), h->opt.device_id,
+                       h->opt.unwatched);
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
     // The session numbers start at a random multiple of 2^20, plus 1. Each later session has the next number. So the
     // random part of the number stays unchanged in the first million sessions.

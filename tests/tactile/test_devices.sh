@@ -48,6 +48,28 @@ has '046d:c626  Space?[31mNavigator'
 has 'spacenavd is not running, but a puck is plugged in'
 hasnt 'a mouse'
 
+# Devices of makers with libraries of their own: the library is missing, then the permission, then nothing.
+usb 1-6 1451 0402 'omega.3'
+echo 1 >root/sys/bus/usb/devices/1-6/busnum
+echo 12 >root/sys/bus/usb/devices/1-6/devnum
+usb 1-7 2988 0302 'Touch'
+tty ttyACM1 1-7 1-7:1.0
+knead devices --root root >out || fail "exit $?"
+has 'libdhd.so.3: cannot open shared object file'
+has 'install the Force Dimension SDK, with its folder in LD_LIBRARY_PATH'
+has 'libHD.so: cannot open shared object file'
+mkdir libraries
+cp "$KN_BUILD/tests/tools/libvendor.so" libraries/libHD.so
+ln -s libHD.so libraries/libdhd.so.3
+LD_LIBRARY_PATH=$PWD/libraries knead devices --root root >out || fail "exit $?"
+has '/dev/bus/usb/001/012: No such file or directory'
+has 'ready: knead hand touch --no-watchdog, with a scene that has `device: touch`'
+mkdir -p root/dev/bus/usb/001
+: >root/dev/bus/usb/001/012
+LD_LIBRARY_PATH=$PWD/libraries knead devices --root root >out || fail "exit $?"
+has 'ready: knead hand forcedimension, with a scene that has `device: omega`'
+rm -r root/sys/bus/usb/devices/1-7 root/dev/ttyACM1 root/sys/class/tty/ttyACM1
+
 spacenavd "$SPNAV_SOCKET" 60 & daemon=$!
 haply 10001 60 >/dev/null & service=$!
 for _ in 1 2 3 4 5 6 7 8 9 10; do
@@ -58,7 +80,7 @@ done
 /usr/bin/python3 - <<'END' || fail "the JSON differs from its documented form"
 import json
 found = json.load(open("out"))["devices"]
-assert [f["kind"] for f in found] == ["spacenavd", "haply", "tty", "tty", "usb", "usb"]
+assert [f["kind"] for f in found] == ["spacenavd", "haply", "tty", "tty", "usb", "usb", "usb"]
 assert found[0]["ready"] and found[0]["use"] == "knead hand spacenav" and not found[0]["missing"]
 assert found[1]["ready"] and found[2]["usb"] == "2341:0043" and found[4]["profile"] == "falcon"
 END
@@ -68,9 +90,12 @@ kill $daemon $service
 if [ "$(id -u)" = 0 ] && command -v setpriv >/dev/null; then
     chmod 660 root/dev/ttyUSB0
     chgrp dialout root/dev/ttyUSB0
-    chmod 755 . root root/dev
-    setpriv --reuid 65534 --regid 65534 --clear-groups "$(command -v knead)" devices --root root >out 2>err
-    grep -q 'tty' out && { has 'no permission'; has 'fix: sudo usermod -aG dialout $USER, and log in again'; }
+    chmod 755 . root root/dev libraries
+    chmod 600 root/dev/bus/usb/001/012
+    LD_LIBRARY_PATH=$PWD/libraries setpriv --reuid 65534 --regid 65534 --clear-groups "$(command -v knead)" devices --root root >out 2>err
+    grep -q 'tty' out && { has 'no permission'; has 'fix: sudo usermod -aG dialout $USER, and log in again'
+        has '/dev/bus/usb/001/012: Permission denied'
+        has "fix: echo 'SUBSYSTEM==\"usb\", ATTR{idVendor}==\"1451\", MODE=\"0666\"' | sudo tee /etc/udev/rules.d/99-haptic.rules; then"; }
 fi
 
 knead devices --wood >out 2>err && fail "an unknown option is accepted"
