@@ -186,11 +186,26 @@ static bool may_command(const kn_control *c, int fd, struct ucred *who)
 // `answer`.
 static void send_reply(peer *p, json_t *answer)
 {
+    // Hand over the descriptor of the reply.
+    const json_t *handed = json_object_get(answer, "descriptor");
+    const int fd = handed ? (int)json_integer_value(handed) : -1;
+    if (handed) json_object_set_new(answer, "descriptor", json_true());
     char *text = answer ? json_dumps(answer, JSON_COMPACT | JSON_ENSURE_ASCII) : NULL;
     size_t size = text ? strlen(text) : 0;
     if (text) text[size++] = '\n'; // the newline replaces the text's NUL
+    struct iovec part = {text, size};
+    struct msghdr message = {.msg_iov = &part, .msg_iovlen = 1};
+    _Alignas(struct cmsghdr) char room[CMSG_SPACE(sizeof fd)] = {0};
+    if (fd >= 0) {
+        message.msg_control = room;
+        message.msg_controllen = sizeof room;
+        struct cmsghdr *rights = CMSG_FIRSTHDR(&message);
+        *rights = (struct cmsghdr){CMSG_LEN(sizeof fd), SOL_SOCKET, SCM_RIGHTS};
+        memcpy(CMSG_DATA(rights), &fd, sizeof fd);
+    }
     // A reply that cannot be sent at once means that the peer does not read.
-    if (!text || send(p->fd, text, size, MSG_NOSIGNAL | MSG_DONTWAIT) != (ssize_t)size) hang_up(p);
+    if (!text || sendmsg(p->fd, &message, MSG_NOSIGNAL | MSG_DONTWAIT) != (ssize_t)size) hang_up(p);
+    if (fd >= 0) close(fd);
     free(text);
     json_decref(answer);
 }

@@ -36,7 +36,8 @@ typedef struct kn_control kn_control;
 
 typedef struct kn_control_def {
     void *self;
-    // Return the reply to `request`, which is a JSON object. The reply is a new reference, never NULL.
+    // Return the reply to `request`, which is a JSON object. The reply is a new reference, never NULL. If the reply has
+    // a number `descriptor`, this file descriptor is handed to the peer with the reply (SCM_RIGHTS) and closed here.
     json_t *(*answer)(void *self, const json_t *request);
     // Return whether the request is logged on stderr.
     bool (*audits)(void *self, const json_t *request);

@@ -1,16 +1,19 @@
 #include "server/keeper.h"
 #include "core/snapshot.h"
 #include "server/console.h"
+#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 // Interval at which the keeper thread and the operator's thread poll, ns. They poll because the servo makes no system
 // call to wake them.
 static const int64_t poll_ns = 2000000;
+static const int64_t copy_ns = 400000000; // longest wait for a copy of the object, ns: a recording waits for it
 
 static void rest(void) { kn_clock_sleep(kn_now_ns() + poll_ns); }
 
@@ -18,7 +21,7 @@ static void rest(void) { kn_clock_sleep(kn_now_ns() + poll_ns); }
 
 size_t kn_keeper_bytes(const kn_model *model, bool saves)
 {
-    return kn_undo_bytes(model) + (saves ? 3 * kn_state_size(model) + kn_saved_size_max(model) : 0);
+    return kn_undo_bytes(model) + (saves ? 4 : 1) * kn_state_size(model) + (saves ? kn_saved_size_max(model) : 0);
 }
 
 int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
@@ -29,10 +32,10 @@ int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *sce
     pthread_mutex_init(&k->answering, NULL);
     int code = directory ? kn_store_open(&k->store, directory, scene, model, error, error_size) : 0;
     if (code != 0) return code;
-    // Allocate all memory now: the undo points, two slots and the snapshot to restore.
+    // Allocate all memory now: the undo points, a copy, two slots and the snapshot to restore.
     bool fits = kn_undo_init(&k->undo, model);
-    kn_saved *saved[] = {&k->slot[0].saved, &k->slot[1].saved, &k->incoming};
-    for (int i = 0; directory && i < 3; i++) fits &= (saved[i]->state = kn_state_create(model)) != NULL;
+    kn_saved *saved[] = {&k->outgoing, &k->slot[0].saved, &k->slot[1].saved, &k->incoming};
+    for (int i = 0; i < (directory ? 4 : 1); i++) fits &= (saved[i]->state = kn_state_create(model)) != NULL;
     if (fits) return 0;
     snprintf(error, error_size, "not enough memory for undo points and snapshots");
     return 3;
@@ -45,22 +48,27 @@ void kn_keeper_close(kn_keeper *keeper)
     kn_state_destroy(keeper->slot[0].saved.state);
     kn_state_destroy(keeper->slot[1].saved.state);
     kn_state_destroy(keeper->incoming.state);
+    kn_state_destroy(keeper->outgoing.state);
 }
 
 // --- the servo's side -----------------------------------------------------------------------------------------------
 
+// Copy the object and the servo's state. k->model describes the object also after a scene change, because the changed
+// model has the same layout.
+static void copy_object(const kn_keeper *k, kn_saved *to, const kn_servo *servo, int64_t tick, int64_t utime)
+{
+    kn_state_copy(k->model, to->state, servo->backend->state(servo->backend->self));
+    to->servo = *servo;
+    to->tick = tick;
+    to->utime = utime;
+}
+
 // Copy the object and the servo's state into a slot.
 static void copy_to(kn_keeper *k, kn_kept *slot, const kn_servo *servo, int64_t tick, int64_t utime)
 {
-    kn_state_copy(k->model, slot->saved.state,
-                  // k->model describes this state also after a scene change, because the changed model has the same
-                  // layout
-                  servo->backend->state(servo->backend->self));
-    slot->saved.servo = *servo;
+    copy_object(k, &slot->saved, servo, tick, utime);
     k->last_hash = servo->scene->text_hash;
     atomic_store(&slot->of, servo->model);
-    slot->saved.tick = tick;
-    slot->saved.utime = utime;
     atomic_store_explicit(&slot->saved_whole, false, memory_order_relaxed);
 }
 
@@ -90,6 +98,13 @@ static bool relimiting(const kn_servo *servo)
 void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime)
 {
     kn_keeper *k = keeper;
+    const kn_state *now = servo->backend->state(servo->backend->self);
+    // one copy a tick, and none in a tick in which the energy audit copies
+    if (atomic_load(&k->copying) && wake->tick % 1000 != 0 && !now->bad && !relimiting(servo)) {
+        copy_object(k, &k->outgoing, servo, wake->tick, utime);
+        atomic_store(&k->copying, false);
+        return;
+    }
     if (k->store.dir < 0) return;
     int64_t number =
         // The energy audit copies the state in ticks that are multiples of 1000, so compare the object midway between
@@ -99,7 +114,6 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
     k->due |= number != k->looked;
     k->looked = number;
     kn_kept *slot = &k->slot[!k->last];
-    const kn_state *now = servo->backend->state(servo->backend->self);
     // Go on only if a copy is due or requested, and can be made. A copy can be made if a slot is free, the state is
     // finite, and no force limit is pending.
     if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full) || relimiting(servo)) return;
@@ -338,6 +352,29 @@ kn_answer kn_keeper_snapshot(kn_keeper *keeper)
         "snapshot: not saved within %d ms, but it may be saved later: the disk is slow, or the object's state is not "
         "finite",
         KN_KEEPER_PATIENCE_MS);
+}
+
+kn_answer kn_keeper_copy(kn_keeper *keeper, int *fd)
+{
+    kn_keeper *k = keeper;
+    atomic_store(&k->copying, true);
+    for (int64_t end_ns = kn_now_ns() + copy_ns; atomic_load(&k->copying) && kn_now_ns() < end_ns;) rest();
+    if (atomic_load(&k->copying))
+        return refusal(
+            "copy: no tick has copied the object: no tick ran, its state is not finite, or a new force limit "
+            "waits for the force to fade");
+    kn_saved *saved = &k->outgoing;
+    saved->generation = 1;
+    size_t room = kn_saved_size_max(k->model);
+    uint8_t *bytes = malloc(room);
+    size_t size = bytes ? kn_saved_encode(saved->servo.scene, saved->servo.model, saved, bytes, room) : 0;
+    *fd = size ? memfd_create("knead-object", MFD_CLOEXEC) : -1;
+    bool whole = *fd >= 0 && write(*fd, bytes, size) == (ssize_t)size && lseek(*fd, 0, SEEK_SET) == 0;
+    const int why = errno;
+    free(bytes);
+    if (whole) return (kn_answer){.ok = true, .tick = saved->tick, .state_hash = saved->state_hash};
+    if (*fd >= 0) close(*fd);
+    return refusal("copy: %s", strerror(why));
 }
 
 bool kn_keeper_mark(kn_keeper *keeper, bool estopped, char *why, size_t why_size)

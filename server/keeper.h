@@ -35,7 +35,7 @@ typedef struct kn_kept {
     atomic_bool saved_whole;
 } kn_kept;
 
-typedef struct kn_answer { // answer to an operator's snapshot, restore or undo
+typedef struct kn_answer { // answer to an operator's snapshot, copy, restore or undo
     bool ok;
     int64_t generation;  // generation (number) of the snapshot file; 0: the answer to an undo
     int64_t tick;        // tick of the snapshot; for undo and restore, the tick that replaced the object
@@ -55,6 +55,8 @@ typedef struct kn_keeper {
     int64_t looked;
     int64_t asked_served;
     bool due;
+    kn_saved outgoing;      // copy of the object for kn_keeper_copy
+    atomic_bool copying;    // true: the next tick fills `outgoing`
     kn_saved incoming;      // snapshot that the next restore uses
     int64_t incoming_order; // number of the order (kn_orders_give) that restores `incoming`; 0: none
     _Atomic int64_t asked;  // number of snapshots that operators have requested
@@ -77,7 +79,7 @@ typedef struct kn_keeper {
     int64_t told_ns, untold;
 } kn_keeper;
 
-// Open a keeper. If `directory` is NULL, nothing is saved, but undo works. Borrows `scene`, `model` and `directory`.
+// Open a keeper. If `directory` is NULL, nothing is saved, but undo and kn_keeper_copy work. Borrows `scene`, `model` and `directory`.
 // Return 0 on success. Otherwise put one line in `error` and return an exit code.
 int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
                    size_t error_size);
@@ -112,9 +114,12 @@ int64_t kn_keeper_age_ms(const kn_keeper *keeper);
 // the result cannot change from false to true any more.
 bool kn_keeper_writes(const kn_keeper *keeper, const kn_model *model);
 
-// The operator's thread calls kn_keeper_snapshot, kn_keeper_restore and kn_keeper_undo. Each of them waits at most
+// The operator's thread calls the four functions below. Each of them waits at most
 // KN_KEEPER_PATIENCE_MS for its answer.
 kn_answer kn_keeper_snapshot(kn_keeper *keeper);
+// Copy the object of the next tick into a file in memory, which has the form of a snapshot file. On success put a
+// descriptor in *fd, which the caller closes; its position is 0. It waits 0.4 s at most.
+kn_answer kn_keeper_copy(kn_keeper *keeper, int *fd);
 // Restore the snapshot number `generation`; 0: the newest. `scene` and `model`: the scene and the model being served
 // now.
 kn_answer kn_keeper_restore(kn_keeper *keeper, kn_orders *orders, const kn_scene *scene, const kn_model *model,

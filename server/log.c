@@ -145,6 +145,7 @@ static const char *after(const char *channel, const char *prefix)
 static kn_log_kind classify(kn_log *log, kn_log_record *r)
 {
     bool ours = after(r->channel, "KNEAD_") != NULL;
+    if (strcmp(r->channel, KN_LOG_SNAPSHOT_CHANNEL) == 0) return KN_LOG_SNAPSHOT;
     // a message on one of Knead's channels needs at least 8 bytes for its type hash
     if (ours && r->size < 8) return KN_LOG_MALFORMED;
     if ((r->probe = after(r->channel, "KNEAD_POSE_"))) return KN_LOG_POSE;
@@ -210,6 +211,18 @@ static bool keep_scene(kn_log_summary *s, const knead_scene_t *told)
     s->scene_text = strdup(told->text);
     s->scene_hash = (uint64_t)told->text_hash;
     return s->scene_name && s->scene_text;
+}
+
+// Append a piece of the snapshot that stands at the beginning of the log. Return false if the snapshot is larger than
+// any, or when memory is short.
+static bool keep_piece(kn_log_summary *s, const kn_log_record *record)
+{
+    uint8_t *more = s->object_size > DATA_MAX ? NULL : realloc(s->object, s->object_size + record->size + 1);
+    if (!more) return false;
+    memcpy(more + s->object_size, record->data, record->size);
+    s->object = more;
+    s->object_size += record->size;
+    return true;
 }
 
 int64_t kn_log_missed(const knead_event_t *e)
@@ -311,6 +324,7 @@ static const char *note(kn_log_summary *s, const kn_log_record *record)
         }
         if (s->scene_text) return NULL;
         return keep_scene(s, &record->scene) ? NULL : "a scene too large for the memory";
+    case KN_LOG_SNAPSHOT: return !first || keep_piece(s, record) ? NULL : "a snapshot too large";
     case KN_LOG_POSE:
         if (s->first_pose_utime < 0) s->first_pose_utime = record->utime;
         return NULL;
@@ -354,6 +368,7 @@ void kn_log_summary_free(kn_log_summary *summary)
     for (size_t i = 0; i < summary->other_count; i++) free(summary->others[i].text);
     free(summary->others);
     free(summary->events);
+    free(summary->object);
     free(summary->scene_name);
     free(summary->scene_text);
     *summary = (kn_log_summary){0};

@@ -29,6 +29,7 @@ typedef enum kn_log_kind {
     KN_LOG_FORCE,    // a force; the field .force is valid: its numbers are finite and its tick is 0 .. KN_LOG_TICK_MAX
     KN_LOG_EVENT,    // an event; the field .event is valid: its numbers are finite and its tick is 0 .. KN_LOG_TICK_MAX
     KN_LOG_SCENE,    // a scene; the field .scene is valid
+    KN_LOG_SNAPSHOT, // a piece of a snapshot file, as raw bytes
     KN_LOG_OTHER,    // a record on a channel that a replay does not need
     KN_LOG_MALFORMED // a record on the channel of a pose, force, event or scene, with invalid bytes
 } kn_log_kind;
@@ -65,6 +66,9 @@ kn_log_kind kn_log_read(kn_log *log, kn_log_record *record);
 // Close the log. A log whose fields are all 0 is allowed.
 void kn_log_close(kn_log *log);
 
+// A snapshot file is logged in pieces of at most this size, so that a datagram can hold each of them.
+#define KN_LOG_SNAPSHOT_CHANNEL "KNEAD_SNAPSHOT"
+#define KN_LOG_SNAPSHOT_PIECE 60000
 // Append one record to a log that liblcm writes: lcm_eventlog_create(path, "w"), this function, lcm_eventlog_destroy.
 // Return false if the disk is full.
 bool kn_log_write(lcm_eventlog_t *file, int64_t utime, const char *channel, void *data, size_t size);
@@ -107,8 +111,10 @@ typedef struct kn_log_summary {
     uint64_t scene_hash;
     kn_log_scene *others; // array of other_count later scenes, which result from settings made at run time
     size_t other_count;
+    uint8_t *object; // snapshot file of the object where the log begins, object_size bytes; NULL: none
+    size_t object_size;
     int64_t forces, records, malformed;
-    int64_t own_records;                 // number of poses, forces, events and scenes among the records
+    int64_t own_records; // number of poses, forces, events and scenes among the records, without snapshots
     char force_probe[KN_PROBES_MAX][64]; // names of the probes for which the log holds forces
     // First and last tick number of all records; first tick number of a force; -1: none.
     int64_t first_tick, last_tick, first_force_tick;

@@ -139,19 +139,24 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
 
 // ---- snapshots
 
-// Return whether a snapshot was made in the log's run, and the log continues after the snapshot's tick.
-static bool of_the_run(void *replay, const kn_saved *saved)
+// Return whether a snapshot was made in the log's run, before the log's last tick. Ticks between the snapshot and the
+// first record of the log may be missing.
+static bool of_this_run(const kn_replay *r, const kn_saved *saved)
 {
-    const kn_replay *r = replay;
     const reading *v = r->private;
-    if (saved->text_hash != r->scene->text_hash || saved->tick < v->found.before_tick ||
-        saved->tick >= v->found.last_tick)
-        return false;
+    if (saved->text_hash != r->scene->text_hash || saved->tick >= v->found.last_tick) return false;
     // Compare the snapshot's wall clock with the time that the log gives for its tick. Allow a difference, because
     // ticks that follow poses may run 0.2 % fast or slow, and the logger's clock may be set.
     double ran_us = 1e3 * (double)(saved->tick - v->found.first_tick);
     double apart_us = (double)(saved->utime - v->found.origin_utime) - 1e3 * (double)saved->tick;
     return fabs(apart_us) <= 2e6 + 3e-3 * fabs(ran_us);
+}
+
+// Return whether the replay may begin at a snapshot: it is of the log's run, and the log misses no tick after it.
+static bool of_the_run(void *replay, const kn_saved *saved)
+{
+    const kn_replay *r = replay;
+    return of_this_run(r, saved) && saved->tick >= r->private->found.before_tick;
 }
 
 // Load object, servo and open sessions from the snapshot in v->saved, and continue the replay after the snapshot's
@@ -214,7 +219,7 @@ static bool prepare_snapshots(kn_replay *r, const kn_replay_def *def, char *erro
     v->saved.servo = r->servo;
     bool fits = !v->found.undoes || kn_undo_init(&v->undo, r->model);
     if (v->found.undoes && fits) r->servo.undo = &v->undo;
-    if (def->snapshot_path) fits &= (v->saved.state = kn_state_create(r->model)) != NULL;
+    if (def->snapshot_path || v->found.object) fits &= (v->saved.state = kn_state_create(r->model)) != NULL;
     if (fits) return check_restores(r, def, error, error_size);
     return kn_refuse(error, error_size, "%s: not enough memory", def->log_path);
 }
@@ -225,6 +230,16 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
 {
     reading *v = r->private;
     char why[200];
+    char misfit[200] = ""; // reason why the object that the log holds does not fit
+    if (r->same && r->forces_logged && v->found.object && !v->found.started) {
+        bool fits = kn_saved_decode(r->scene, r->model, v->found.object, v->found.object_size, &v->saved, misfit,
+                                    sizeof misfit);
+        if (fits && of_this_run(r, &v->saved)) {
+            resume(r);
+            return true;
+        }
+        if (fits) snprintf(misfit, sizeof misfit, "of another run");
+    }
     bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
     if (wanted && !(r->same && r->forces_logged))
         return kn_refuse(error, error_size,
@@ -251,10 +266,15 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         if ((uint64_t)e->state_hash == kn_state_hash(r->model, kn_replay_state(r))) return true;
         return kn_refuse(
             error, error_size,
-            "%s: the object was already deformed when this log begins, "
-            "expected --snapshot with a snapshot of that run, or a log that begins with the server's start",
-            def->log_path);
+            "%s: the object was already deformed when this log begins%s%s, expected --snapshot with a snapshot of that "
+            "run, a log that begins with the server's start, or one recorded with knead probe --control or knead web "
+            "--control",
+            def->log_path, *misfit ? ", and the object that it holds does not fit: " : "", misfit);
     }
+    // without a state hash in the log, nothing shows that the object was untouched
+    if (*misfit)
+        return kn_refuse(error, error_size, "%s: the object that the log holds does not fit: %s, expected --snapshot",
+                         def->log_path, misfit);
     return true;
 }
 
@@ -532,7 +552,7 @@ static void apply_restore(kn_replay *r, kn_tick_in *in, const knead_event_t *e)
     char why[200];
     if (e->arg[0] == 0) {
         in->undo = true;
-    } else if (v->saved.state && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) {
+    } else if (v->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) {
         in->restore = v->saved.state;
         in->restored_generation = (int64_t)e->arg[0];
         in->restored_tick = (int64_t)e->arg[1];

@@ -20,9 +20,10 @@
 // the scene's new text. Undos are repeated by the server's own rule. Restored objects come from the server's snapshots,
 // found by state hash.
 //
-// If the object was already kneaded when the log begins, the replay needs a snapshot of the same run, taken at a tick
-// within the log, and starts there. With --snapshot, the replay of any other log without restores also starts at the
-// first snapshot of its run.
+// If the object was already kneaded when the log begins, the replay needs a snapshot of the same run, and starts there.
+// A recording of `knead probe` holds this snapshot itself (channel KNEAD_SNAPSHOT). Otherwise kn_replay_def gives one
+// that was taken at a tick within the log. With --snapshot, the replay of any other log without restores also starts at
+// the first snapshot of its run. A replay with another scene or computation than the log's starts with a new object.
 //
 // The log is read twice, and only the last poses are kept in memory, so a log may be larger than memory. Memory is
 // allocated in kn_replay_create, when a snapshot is restored, and when a setting is applied.

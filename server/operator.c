@@ -322,6 +322,20 @@ static json_t *snapshot(kn_operator *o, const json_t *argument)
     return of_keeper(&a);
 }
 
+static json_t *copy(kn_operator *o, const json_t *argument)
+{
+    int fd;
+    char text[20];
+    (void)argument;
+    kn_answer a = kn_keeper_copy(o->on.keeper, &fd);
+    json_t *answer = of_keeper(&a);
+    if (!a.ok) return answer;
+    snprintf(text, sizeof text, "%016" PRIx64, o->on.keeper->outgoing.text_hash);
+    json_object_set_new(answer, "scene", json_string(text));
+    json_object_set_new(answer, "descriptor", json_integer(fd));
+    return answer;
+}
+
 static json_t *restore(kn_operator *o, const json_t *argument)
 {
     int64_t generation = json_integer_value(argument); // 0 if there is no argument: the newest snapshot
@@ -554,6 +568,7 @@ static const struct command {
                 {"reset", reset, NULL, JSON_NULL, false, false},
                 {"quality", quality, "name", JSON_STRING, true, false},
                 {"snapshot", snapshot, NULL, JSON_NULL, false, true},
+                {"copy", copy, NULL, JSON_NULL, false, true},
                 {"restore", restore, "generation", JSON_INTEGER, false, true},
                 {"undo", undo, NULL, JSON_NULL, false, true},
                 {"recover", recover, NULL, JSON_NULL, false, false},

@@ -166,6 +166,8 @@ void kn_live_server_close(kn_live_server *live)
 // Longest wait for an answer from kneadd, s. kneadd answers in milliseconds, except if it must first build an object
 // for the request.
 #define PATIENCE_S 10
+// Longest wait for a copy of the object, us. Messages for a recording wait in a buffer meanwhile.
+#define COPY_US 500000
 // Largest size of an answer from kneadd, bytes.
 #define ANSWER_MAX (1 << 20)
 
@@ -205,7 +207,36 @@ json_t *kn_ask_read(const char *text, size_t size)
     return size > 0 && text[size - 1] == '\n' ? json_loadb(text, size, JSON_REJECT_DUPLICATES, &why) : NULL;
 }
 
-json_t *kn_live_server_ask(const char *path, const json_t *request, char *error, size_t error_size)
+const char *kn_live_server_control(void)
+{
+    const char *path = getenv("KNEAD_CONTROL");
+    return path && *path ? path : KN_LIVE_SERVER_CONTROL;
+}
+
+// Receive a part of an answer. If a descriptor comes with it, put the descriptor in *handed, or close it if `handed` is
+// NULL or used.
+static ssize_t receive(int fd, char *text, size_t size, int *handed)
+{
+    int got_fd;
+    _Alignas(struct cmsghdr) char room[CMSG_SPACE(sizeof got_fd)];
+    struct iovec part = {text, size};
+    // room for one descriptor only: the kernel closes others
+    struct msghdr message = {
+        .msg_iov = &part, .msg_iovlen = 1, .msg_control = room, .msg_controllen = CMSG_LEN(sizeof got_fd)};
+    ssize_t got = recvmsg(fd, &message, MSG_CMSG_CLOEXEC);
+    const struct cmsghdr *rights = got > 0 ? CMSG_FIRSTHDR(&message) : NULL;
+    if (!rights || rights->cmsg_level != SOL_SOCKET || rights->cmsg_type != SCM_RIGHTS ||
+        rights->cmsg_len != CMSG_LEN(sizeof got_fd))
+        return got;
+    memcpy(&got_fd, CMSG_DATA(rights), sizeof got_fd);
+    if (handed && *handed < 0) *handed = got_fd;
+    else close(got_fd);
+    return got;
+}
+
+// kn_live_server_ask, which also receives a descriptor, and waits no longer than `patience`.
+static json_t *ask(const char *path, const json_t *request, struct timeval patience, int *handed, char *error,
+                   size_t error_size)
 {
     int fd = dial(path, 0);
     if (fd < 0) {
@@ -213,14 +244,13 @@ json_t *kn_live_server_ask(const char *path, const json_t *request, char *error,
         return NULL;
     }
     // Limit the wait, so that a server that hangs does not make this client hang.
-    struct timeval patience = {.tv_sec = PATIENCE_S};
     setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     char *text = malloc(ANSWER_MAX);
     size_t size = 0;
     // Read until the newline that ends the answer, an error, or the end of the connection.
     ssize_t got = text && send_line(fd, request, 0) ? 1 : -1;
     while (got > 0 && size < ANSWER_MAX && !(size > 0 && text[size - 1] == '\n')) {
-        got = recv(fd, text + size, ANSWER_MAX - size, 0);
+        got = receive(fd, text + size, ANSWER_MAX - size, handed);
         if (got > 0) size += (size_t)got;
     }
     json_t *answer = got >= 0 ? kn_ask_read(text, size) : NULL;
@@ -228,11 +258,35 @@ json_t *kn_live_server_ask(const char *path, const json_t *request, char *error,
     if (!answer)
         snprintf(error, error_size, "%s: %s", path,
                  size > 0                                               ? "the program that answers there is not kneadd"
-                 : got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? "no answer for 10 s"
+                 : got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? "no answer in time"
                                                                         : "closed the connection without an answer");
     free(text);
     close(fd);
     return answer;
+}
+
+json_t *kn_live_server_ask(const char *path, const json_t *request, char *error, size_t error_size)
+{
+    return ask(path, request, (struct timeval){.tv_sec = PATIENCE_S}, NULL, error, error_size);
+}
+
+int kn_live_server_copy(const char *path, uint64_t scene, char *error, size_t error_size)
+{
+    int fd = -1;
+    json_t *request = json_pack("{s:s}", "command", "copy");
+    json_t *answer = ask(path, request, (struct timeval){.tv_usec = COPY_US}, &fd, error, error_size);
+    const char *of = json_string_value(json_object_get(answer, "scene"));
+    const char *why = json_string_value(json_object_get(answer, "error"));
+    const bool good = fd >= 0 && of && strtoull(of, NULL, 16) == scene;
+    if (answer && !good)
+        snprintf(error, error_size, "%s: %s", path,
+                 why             ? why
+                 : fd < 0 || !of ? "the answer holds no object"
+                                 : "that kneadd serves another bus, or its scene has just changed");
+    if (fd >= 0 && !good) close(fd);
+    json_decref(answer);
+    json_decref(request);
+    return good ? fd : -1;
 }
 
 int kn_ask_begin(const char *path, const json_t *request, char *error, size_t error_size)

@@ -60,6 +60,13 @@ int64_t kn_live_server_now_ms(void); // return the present time of CLOCK_MONOTON
 // NULL with one line in error if no server listens at `path`, or if no answer arrives.
 json_t *kn_live_server_ask(const char *path, const json_t *request, char *error, size_t error_size);
 
+// Return the path of the control socket: $KNEAD_CONTROL, or KN_LIVE_SERVER_CONTROL if the variable is not set.
+const char *kn_live_server_control(void);
+
+// Get a copy of the object of the running kneadd, in the form of a snapshot file. scene: hash of the scene's text that
+// the object must have. Return a file descriptor that the caller owns, or -1 with one line in error.
+int kn_live_server_copy(const char *path, uint64_t scene, char *error, size_t error_size);
+
 // Send a control request to the running kneadd without waiting for the answer. Return a non-blocking socket that the
 // caller owns, or -1 with one line in error. The answer is the text received on the socket up to the first newline.
 int kn_ask_begin(const char *path, const json_t *request, char *error, size_t error_size);

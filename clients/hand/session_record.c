@@ -1,28 +1,27 @@
 #include "clients/hand/session_record.h"
+#include "clients/hand/live_server.h"
 #include "core/algebra/algebra.h"
 #include "proto/knead_scene_t.h"
 #include "server/clock.h"
+#include "server/log.h"
 #include "server/log_replay.h"
 #include "server/wire.h"
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 // Priority of the record's thread: below all threads with a deadline, above other programs.
 static const int reader_priority = 40;
+static const int64_t settle_ns = 2000000;      // two ticks
 static const int64_t last_words_ns = 50000000; // time for messages still on their way when the record stops, 50 ms
 
 // Append a message to the log. After the first failed write, nothing more is written.
 static void write_log(kn_session_record *r, const char *channel, int64_t utime, void *data, int size)
 {
     if (!r->log || *r->log_error) return;
-    lcm_eventlog_event_t event = {.timestamp = utime,
-                                  .channellen = (int32_t)strlen(channel),
-                                  .datalen = size,
-                                  .channel = (char *)channel,
-                                  .data = data};
-    if (lcm_eventlog_write_event(r->log, &event) != 0)
+    if (!kn_log_write(r->log, utime, channel, data, (size_t)size))
         snprintf(r->log_error, sizeof r->log_error, "%s", strerror(errno));
     atomic_fetch_add(&r->logged, size);
 }
@@ -60,6 +59,7 @@ static void hear_scene(kn_session_record *r, const lcm_recv_buf_t *buf)
     r->scene_name = strdup(scene.name); // if memory is short, scene_name is NULL, which means that there is no scene
     r->scene_text = strdup(scene.text);
     knead_scene_t_decode_cleanup(&scene);
+    r->scene_hash = (uint64_t)scene.text_hash;
     r->scene_utime = buf->recv_utime;
     r->scene_size = (int)buf->data_size;
     r->scene_bytes = malloc(buf->data_size);
@@ -75,20 +75,40 @@ static void on_message(const lcm_recv_buf_t *buf, const char *channel, void *sel
     if (scene) hear_scene(r, buf);
     if (!scene && !r->started) return;
     write_log(r, channel, buf->recv_utime, buf->data, (int)buf->data_size);
-    const bool force = !strcmp(channel, r->force_channel);
-    if (force) atomic_store(&r->felt, true);
     if (r->log_only) return;
-    if (force) hear_force(r, buf);
+    if (!strcmp(channel, r->force_channel)) hear_force(r, buf);
     else if (!strcmp(channel, r->pose_channel)) hear_pose(r, buf);
 }
 
-// Create the log with the scene as its first record.
+// Write the object as kneadd has it now. Messages that arrive meanwhile wait in the receive buffer. Without the object,
+// a log of an untouched object can be replayed, but not one of a kneaded object.
+static void log_object(kn_session_record *r)
+{
+    const char *usual = kn_live_server_control(), *control = r->control ? r->control : usual;
+    // a kneadd without --control is no fault, so ask at the usual path only if there is a socket
+    if (!r->control && !strcmp(usual, KN_LIVE_SERVER_CONTROL) && access(usual, F_OK) != 0) return;
+    // Poses that were dropped before this record began must have reached a tick before the copy.
+    kn_clock_sleep(kn_now_ns() + settle_ns);
+    const int64_t utime = kn_wall_us();
+    int fd = kn_live_server_copy(control, r->scene_hash, r->no_object, sizeof r->no_object);
+    char *piece = malloc(KN_LOG_SNAPSHOT_PIECE);
+    ssize_t size = 0;
+    while (fd >= 0 && piece && (size = read(fd, piece, KN_LOG_SNAPSHOT_PIECE)) > 0)
+        write_log(r, KN_LOG_SNAPSHOT_CHANNEL, utime, piece, (int)size);
+    if (!piece || size < 0) snprintf(r->no_object, sizeof r->no_object, "%s", strerror(errno));
+    free(piece);
+    if (fd >= 0) close(fd);
+    atomic_store(&r->logged, 0); // counts messages only
+}
+
+// Create the log, with the scene as its first record and the object next.
 static bool open_log(kn_session_record *r, const char *path, char *error, size_t error_size)
 {
     r->log_path = path;
     r->log = lcm_eventlog_create(path, "w");
     if (r->log) {
         write_log(r, "KNEAD_SCENE", r->scene_utime, r->scene_bytes, r->scene_size);
+        log_object(r);
         return true;
     }
     snprintf(error, error_size, "%s: %s", path, strerror(errno));

@@ -2,7 +2,8 @@
 #define KN_CLIENTS_SESSION_RECORD_H
 // Record of all messages of a session. A thread of its own receives the messages. A hand needs only the newest force
 // and skips the others, but a log and a force table need every force. On request the messages are also written to an
-// LCM event log as they arrive: KNEAD_SCENE first, then every pose, force and event since kn_session_record_start.
+// LCM event log as they arrive: KNEAD_SCENE first, then the object as kneadd's control socket gives it (KNEAD_SNAPSHOT,
+// a snapshot file in pieces), then every pose, force and event since kn_session_record_start.
 // kn_session_record_start opens the log file, so a record that never starts does not overwrite an older file.
 //
 //     open -> scene -> start -> ... the session ... -> stop
@@ -31,8 +32,10 @@ typedef struct kn_session_record {
     // True: forces and poses are written to the log only and not kept in memory. The caller sets this field before
     // kn_session_record_start.
     bool log_only;
+    // Path of kneadd's control socket; NULL: kn_live_server_control. Set by the caller before kn_session_record_start.
+    const char *control;
     _Atomic(int64_t) logged; // number of bytes of messages written to the log so far
-    atomic_bool felt;        // true: the log contains at least one force on the probe
+    char no_object[256];     // why the log does not hold the object; "": it does, or there is no control socket to ask
     // The fields below are used by session_record.c only.
     kn_bus_client *bus;
     struct _lcm_eventlog_t *log;
@@ -40,6 +43,7 @@ typedef struct kn_session_record {
     const char *log_path;
     void *scene_bytes; // encoded KNEAD_SCENE message, the first record of the log
     int scene_size;
+    uint64_t scene_hash;
     int64_t scene_utime;
     char log_error[128]; // error message of the first failed write to the log, or ""
     char force_channel[64], pose_channel[64];

@@ -46,8 +46,7 @@ static int parse(options *o, int argc, char **argv)
         KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
     };
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true};
-    const char *environment = getenv("KNEAD_CONTROL");
-    *o = (options){.path = environment && *environment ? environment : KN_LIVE_SERVER_CONTROL};
+    *o = (options){.path = kn_live_server_control()};
     const int code = kn_options_read(&table, o, argc, argv);
     if (code != KN_OPTIONS_READ || optind < argc) return code;
     return kn_complain("ctl", KN_EXIT_USAGE,

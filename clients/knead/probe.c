@@ -8,6 +8,7 @@
 #include "clients/hand/bus_client.h"
 #include "clients/hand/closed_loop_hand.h"
 #include "clients/hand/haptic_loop.h"
+#include "clients/hand/live_server.h"
 #include "clients/hand/session_record.h"
 #include "clients/hand/tool_height.h"
 #include "clients/hand/tool_path.h"
@@ -30,7 +31,7 @@ typedef struct probe_options {
     const char *path;
     const char *probe; // name of the tool; NULL: find_tool chooses a tool
     // Names of output files, and URLs of the two buses. NULL: the file is not written, or the default URL is used.
-    const char *record, *csv, *motors, *lcm_url, *mesh_url;
+    const char *record, *control, *csv, *motors, *lcm_url, *mesh_url;
     // Shape of a press, sine or poke; its touch_z_m is computed later from the mesh.
     kn_tool_path_def shape;
     int drop_at_ms, drop_ms, tries;
@@ -65,7 +66,13 @@ static const char help[] =
     "                   Press: below the top of the untouched block. Other paths: below the point of touch\n"
     "  --speed SPEED    speed in the object, e.g. '1 cm/s' (default: press 1 cm/s, poke 5 cm/s)\n"
     "  --frequency F    frequency of the sine, e.g. '2 Hz' (default: 2 Hz)\n"
-    "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces\n"
+    "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces. The "
+    "log\n"
+    "                   begins with the object, if kneadd has a control socket; without it, only a log of an "
+    "untouched\n"
+    "                   object can be replayed\n"
+    "  --control PATH   control socket of kneadd (default: KNEAD_CONTROL of the environment, "
+    "else " KN_LIVE_SERVER_CONTROL ")\n"
     "  --csv FILE       write one row per force, with the columns of knead replay --csv\n"
     "  --motors FILE    write a CSV with one row per ms of the device's clock, even if no force was received.\n"
     "                   A row has the position of the device and the force of its motors\n"
@@ -172,6 +179,7 @@ static const kn_option rows[] = {
     KN_OPTION("speed", QUANTITY, AT(shape.speed_m_s), .unit = "m/s", .expected = "something like '1 cm/s'"),
     KN_OPTION("frequency", QUANTITY, AT(shape.frequency_hz), .unit = "Hz", .expected = "something like '2 Hz'"),
     KN_OPTION("record", TEXT, AT(record)),
+    KN_OPTION("control", TEXT, AT(control)),
     KN_OPTION("csv", TEXT, AT(csv)),
     KN_OPTION("motors", TEXT, AT(motors)),
     KN_OPTION("tries", INTEGER, AT(tries), KN_RANGE(1, KN_HAND_TRIES)),
@@ -200,6 +208,7 @@ static int parse(probe_options *opt, int argc, char **argv)
     const int code = kn_options_read(&table, opt, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) REFUSE("`%s`: expected options only; knead probe --help lists them\n", argv[optind]);
+    if (opt->control && !opt->record) REFUSE("--control: expected --record FILE as well\n");
     const int swings = strcmp(opt->path, "sine") ? code : check_sine(&opt->shape);
     return swings == KN_OPTIONS_READ ? check_options(opt) : swings;
 }
@@ -457,8 +466,12 @@ static int start(probe *p)
     kn_model_def_extent(&p->scene->model, extent_m);
     // A retreat lifts the tool above everything that kneading may have pushed up.
     def.clear_z_m = fmax(begin.position_m[2], extent_m[2] + kn_tool_height_m(p->tool) + lift_m);
+    if (p->opt.control) p->record->control = p->opt.control;
     if (!kn_session_record_start(p->record, p->tool->name, p->opt.record, p->error, sizeof p->error))
         return complain(KN_EXIT_DEVICE, p->error);
+    if (*p->record->no_object && p->opt.control) return complain(KN_EXIT_DEVICE, p->record->no_object);
+    if (*p->record->no_object)
+        fprintf(stderr, "knead probe: the recording does not hold the object: %s\n", p->record->no_object);
     // For every try, reserve rows for twice the duration of the path, because the device's thread must not allocate.
     int tries = def.tries ? def.tries : KN_HAND_TRIES, try_ms = (int)(2e3 * p->path[0]->duration_s) + trip_ms;
     if (p->opt.motors && !kn_motor_record_open(&p->player.motors, tries * try_ms))

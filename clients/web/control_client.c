@@ -268,7 +268,6 @@ static void answered(kn_control_client *c, const kn_control_call *call, const js
 {
     const char *error = json_string_value(json_object_get(answer, "error"));
     if (call->purpose == KN_CONTROL_STATUS) take_status(c, answer, error);
-    if (call->purpose == KN_CONTROL_SAVE && !json_is_true(json_object_get(answer, "ok"))) c->save_refused = true;
     // No page waits for the answer to a request of the program itself.
     if (call->purpose != KN_CONTROL_ORDER) return;
     if (error) kn_gateway_answer(c->gateway, call->page, call->id, false, "%s", error);
@@ -278,28 +277,16 @@ static void answered(kn_control_client *c, const kn_control_call *call, const js
     kn_control_client_ask_status(c);
 }
 
-// Send a command of the program itself. If this is impossible, return false and one line in `error`.
-static bool command(kn_control_client *c, kn_control_purpose purpose, const char *name, char *error, size_t error_size)
-{
-    json_t *request = json_pack("{s:s}", "command", name);
-    const bool asked = !request || ask(c, &(kn_control_call){.purpose = purpose}, request, false, error, error_size);
-    json_decref(request);
-    return asked;
-}
-
 void kn_control_client_ask_status(kn_control_client *c)
 {
     int64_t now_ms = kn_live_server_now_ms();
     char error[sizeof c->error];
     if (!c->path || kn_gateway_pages(c->gateway) == 0 || now_ms - c->status_ms < 1000) return;
     c->status_ms = now_ms;
-    if (!command(c, KN_CONTROL_STATUS, "status", error, sizeof error)) take_status(c, NULL, error);
-}
-
-bool kn_control_client_save(kn_control_client *c)
-{
-    char error[200];
-    return command(c, KN_CONTROL_SAVE, "snapshot", error, sizeof error);
+    json_t *request = json_pack("{s:s}", "command", "status");
+    if (!ask(c, &(kn_control_call){.purpose = KN_CONTROL_STATUS}, request, false, error, sizeof error))
+        take_status(c, NULL, error);
+    json_decref(request);
 }
 
 void kn_control_client_gone(kn_control_client *c, int page)

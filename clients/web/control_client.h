@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_CONTROL_CLIENT_H
 #define KN_CLIENTS_CONTROL_CLIENT_H
-// Client of kneadd's control socket (server/control.h), for the libev thread. It sends the orders of the pages, asks
-// for kneadd's status, and saves snapshots for recordings. Each request uses its own connection, and the caller never
-// waits for an answer. Every order gets one answer (kn_gateway_answer).
+// Client of kneadd's control socket (server/control.h), for the libev thread. It sends the orders of the pages, and asks
+// for kneadd's status. Each request uses its own connection, and the caller never waits for an answer. Every order gets
+// one answer (kn_gateway_answer).
 #include "clients/hand/live_server.h"
 #include "clients/web/gateway.h"
 #include <jansson.h>
@@ -12,8 +12,8 @@
 #define KN_CONTROL_CALLS 5
 #define KN_CONTROL_SCENES 32 // largest number of scene files in the list that a page can load from
 
-// Purpose of a request: an order of a page, or a request of the program itself for the status or for a snapshot.
-typedef enum kn_control_purpose { KN_CONTROL_ORDER, KN_CONTROL_STATUS, KN_CONTROL_SAVE } kn_control_purpose;
+// Purpose of a request: an order of a page, or a request of the program itself for the status.
+typedef enum kn_control_purpose { KN_CONTROL_ORDER, KN_CONTROL_STATUS } kn_control_purpose;
 
 typedef struct kn_control_call { // a request that waits for its answer
     ev_io readable;
@@ -39,10 +39,9 @@ typedef struct kn_control_client {
     void (*changed)(void *arg);
     void *arg;
     // State, read by other modules.
-    json_t *status;    // latest status; NULL: none
-    char error[200];   // reason why there is no status
-    int ordered_by;    // index of the page that gave the last order, -1: none
-    bool save_refused; // set when kneadd has refused a snapshot of kn_control_client_save; cleared by the caller
+    json_t *status;                                           // latest status; NULL: none
+    char error[200];                                          // reason why there is no status
+    int ordered_by;                                           // index of the page that gave the last order, -1: none
     char scene_file[KN_CONTROL_SCENES][KN_PAGE_REQUEST_NAME]; // file names in the folder `scenes`
     // Number of files in the list, and number of files that are left out, because the list is full (KN_CONTROL_SCENES)
     // or because a request may not contain the file's name.
@@ -59,7 +58,6 @@ void kn_control_client_list_scenes(kn_control_client *client); // reads the fold
 void kn_control_client_order(kn_control_client *client, int page, const kn_page_request *request);
 // Ask kneadd for its status, at most once a second and only while a page is open.
 void kn_control_client_ask_status(kn_control_client *client);
-bool kn_control_client_save(kn_control_client *client); // asks for a snapshot; returns false if this is impossible now
 // Return kneadd's snapshot directory, or NULL.
 const char *kn_control_client_snapshots(const kn_control_client *client);
 void kn_control_client_gone(kn_control_client *client, int page); // forgets a page

@@ -76,8 +76,10 @@ static bool record(kn_recordings *t, kn_recording *one, const char *path)
 {
     kn_session_record *r = kn_session_record_open(t->url, one->words, sizeof one->words);
     bool ok = r && hear_scene(t, one, r);
-    if (ok) r->log_only = true;
+    if (ok) r->log_only = true, r->control = t->client->path;
     ok = ok && kn_session_record_start(r, t->probe, path, one->words, sizeof one->words);
+    if (ok && *r->no_object)
+        snprintf(one->words, sizeof one->words, "The recording does not hold the object: %.150s", r->no_object);
     if (ok) {
         const int64_t begin_ns = kn_now_ns();
         atomic_store(&one->state, KN_RECORDING_RUNS);
@@ -86,7 +88,6 @@ static bool record(kn_recordings *t, kn_recording *one, const char *path)
             usleep(20000);
             atomic_store(&one->ms, (int)((kn_now_ns() - begin_ns) / 1000000));
             atomic_store(&one->bytes, atomic_load(&r->logged));
-            atomic_store(&one->felt, atomic_load(&r->felt));
         }
         ok = kn_session_record_stop(r, one->words, sizeof one->words);
     }
@@ -253,8 +254,8 @@ static const char *obstacle(kn_recordings *t, int number)
                                             : NULL;
 }
 
-// Verify a recording in a child process, and write its forces as CSV. kneadd's snapshots are needed if the recording
-// began on a deformed object.
+// Verify a recording in a child process, and write its forces as CSV. kneadd's snapshots are needed if one was restored
+// while it was recorded.
 static const char *verify(kn_recordings *t, int number)
 {
     char log[128], csv[128];
@@ -336,15 +337,6 @@ bool kn_recordings_turn(kn_recordings *t)
 {
     const bool removed = tidy(t);
     const int64_t now_ms = kn_live_server_now_ms();
-    // Request a snapshot of the object at the first force of a recording, so that a replay can start from this state.
-    kn_recording *one = t->now;
-    if (t->client->save_refused) t->saved_of = 0;
-    t->client->save_refused = false;
-    const bool feels = one && atomic_load(&one->felt) && atomic_load(&one->state) == KN_RECORDING_RUNS;
-    if (feels && one->number != t->saved_of && kn_control_client_snapshots(t->client) && now_ms - t->saved_ms >= 200) {
-        if (kn_control_client_save(t->client)) t->saved_of = one->number;
-        t->saved_ms = kn_live_server_now_ms();
-    }
     // Start the child process that plays the recording, once kneadd has ended the session of the page's hand.
     if (!t->tool->lent || !t->lent_ms || now_ms - t->lent_ms < LEAVING_MS) return removed;
     t->lent_ms = 0;

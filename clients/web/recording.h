@@ -30,8 +30,6 @@ typedef struct kn_recording {
     _Atomic int state;
     _Atomic int ms; // duration of the recording so far
     _Atomic int64_t bytes;
-    // True: the log contains a force, so a replay can start from any snapshot that is saved from now on.
-    atomic_bool felt;
     bool csv;        // true: the CSV file with the forces exists
     char words[200]; // outcome of the recording or of its verification in words; "": none yet
 } kn_recording;
@@ -63,8 +61,6 @@ typedef struct kn_recordings {
     // page's request.
     int page;
     uint32_t id;
-    int saved_of;     // last recording for which a snapshot was requested; 0: none, or kneadd refused
-    int64_t saved_ms; // time when the snapshot of the recording `saved_of` was requested
 } kn_recordings;
 
 // Handle a request of a page: RECORD, VERIFY, PLAY or STOP.

@@ -356,6 +356,49 @@ TEST("a log continues bit for bit from a snapshot of its run, and needs one if i
     }
 }
 
+// Write the object as it is now into the log, as `knead probe --record` does.
+static void record_object(int64_t late_us, size_t damaged)
+{
+    kn_saved object = {.state = kn_state_create(r.on.model), .servo = r.servo, .generation = 1, .tick = r.in.tick};
+    size_t room = kn_saved_size_max(r.on.model);
+    uint8_t *bytes = malloc(room);
+    object.utime = r.utime + late_us;
+    kn_state_copy(r.on.model, object.state, r.on.backend.state(r.on.backend.self));
+    size_t size = kn_saved_encode(r.on.scene, r.on.model, &object, bytes, room);
+    bytes[damaged] ^= damaged > 0;
+    for (size_t at = 0; at < size; at += KN_LOG_SNAPSHOT_PIECE) {
+        size_t piece = size - at < KN_LOG_SNAPSHOT_PIECE ? size - at : KN_LOG_SNAPSHOT_PIECE;
+        kn_recorder_put(&r, KN_LOG_SNAPSHOT_CHANNEL, bytes + at, (int)piece);
+    }
+    free(bytes);
+    kn_state_destroy(object.state);
+}
+
+TEST("a log that holds its object replays by itself, and a damaged object or one of another run is refused")
+{
+    static const struct {
+        int64_t late_us;
+        size_t damaged;
+        int code;
+        const char *words;
+    } cases[] = {{0, 0, KN_EXIT_OK, "verified "},
+                 {0, 9000, KN_EXIT_USAGE, "the object that it holds does not fit: checksum"},
+                 {3600000000, 0, KN_EXIT_USAGE, "the object that it holds does not fit: of another run"}};
+    for (int i = 0; i < 3; i++) {
+        record("own.lcmlog", NULL, 8);
+        r.mute = true;
+        r.hand[1].position_m[2] = 0.05;
+        move(1, 0.040, 1500, 0.01);
+        r.mute = false;
+        record_object(cases[i].late_us, cases[i].damaged);
+        r.in.pose[1] = NULL; // no hand, so no record for a while
+        quiet(300);
+        story(0.01);
+        kn_recorder_close(&r);
+        REPLAYS(cases[i].code, cases[i].words, "own.lcmlog --verify");
+    }
+}
+
 TEST("a log that begins with missed cycles continues from the snapshot of the last tick before the gap")
 {
     for (int told = 0; told < 2; told++) { // missed cycles told by a checkpoint, by a force

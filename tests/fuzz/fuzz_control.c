@@ -4,6 +4,7 @@
 #include "server/operator.h"
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static const char text_of_it[] = "version: 1\nobject: {size: [2 cm, 2 cm, 2 cm], spacing: 1 cm}\ndensity: 1000 kg/m^3\n"
                                  "material: {k1: 50 kPa, c1: 3 kPa*s, damper: constant, c2: 9 kPa*s}\n"
@@ -14,7 +15,8 @@ static kn_model *model;
 static kn_backend backend;
 static kn_served_object served;
 static kn_loop loop;
-static kn_keeper keeper = {.store.dir = -1};
+static kn_keeper keeper;
+static kn_servo servo;
 static kn_skin skin; // a skin without measures
 static kn_operator operator;
 static kn_control_def def;
@@ -31,6 +33,13 @@ static void stop(void *arg) { (void)arg, stops++; }
 static bool goes_on(void *arg) { return (void)arg, false; }
 static void load(void *arg, const char *path, const kn_scene *next) { (void)arg, (void)path, (void)next, stops++; }
 static const kn_rt rt; // locks nothing
+
+// The ticks: they fill the copies of the object that are asked for.
+static void *tick(void *none)
+{
+    for (kn_wake wake = {.tick = 1};; usleep(100)) kn_keeper_tick(&keeper, &servo, &wake, 0);
+    return none;
+}
 
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
@@ -53,6 +62,10 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
                                                    .stop = stop,
                                                    .load = load});
     def = kn_operator_control(&operator);
+    kn_servo_init(&servo, scene, model, &backend);
+    pthread_t ticks;
+    if (kn_keeper_open(&keeper, NULL, scene, model, error, sizeof error) || pthread_create(&ticks, NULL, tick, NULL))
+        abort();
     return 0;
 }
 
@@ -71,6 +84,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!json_is_boolean(ok) || !text || strchr(text, '\n')) abort();
     if (done == (json_object_get(answer, "error") != NULL)) abort();
     if (changed && !(done && request && def.audits(def.self, request))) abort(); // every change is audited
+    const json_t *handed = json_object_get(answer, "descriptor");
+    if (handed) close((int)json_integer_value(handed));
     free(text);
     json_decref(request);
     json_decref(answer);
