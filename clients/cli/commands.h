@@ -17,7 +17,7 @@
     X(doctor, "check this machine for real time, LCM, devices and wake-up latency; print a fix for each problem")      \
     X(element, "analyse an element of springs and dampers: the first paper's rules, impedance, response")              \
     X(export, "export a recording to ParaView, MeshLab and tables: shape, stress, forces over time")                   \
-    X(hand, "use a real device on a running kneadd; knead hand --help lists the devices; not tested with hardware")          \
+    X(hand, "use a real device on a running kneadd; knead hand --help lists the devices; not tested with hardware")    \
     X(identify, "fit material and structure to a measured creep, press, relaxation, sweep or shape, with uncertainty") \
     X(latency, "measure the latency of kneadd, from pose to force over LCM, and that of a bare LCM echo")              \
     X(mesh, "fill a closed surface (OBJ or STL) with tetrahedra for a scene, or check a mesh")                         \
