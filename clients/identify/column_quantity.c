@@ -15,12 +15,13 @@
 static const struct also {
     const char *text, *si;
     double times, over;
-} also[] = {{"-", "1", 1, 1},          {"percent", "1", 1, 100}, {"pct", "1", 1, 100},    {"sec", "s", 1, 1},
-            {"seconds", "s", 1, 1},    {"second", "s", 1, 1},    {"min", "s", 60, 1},     {"minutes", "s", 60, 1},
-            {"h", "s", 3600, 1},       {"hr", "s", 3600, 1},     {"hours", "s", 3600, 1}, {"kHz", "1/s", 1e3, 1},
-            {"mHz", "1/s", 1, 1e3},    {"mPa", "Pa", 1, 1e3},    {"GPa", "Pa", 1e9, 1},   {"kN", "N", 1e3, 1},
-            {"uN", "N", 1, 1e6},       {"bar", "Pa", 1e5, 1},    {"dyn", "N", 1, 1e5},    {"dyn/cm^2", "Pa", 1, 10},
-            {"1/kPa", "1/Pa", 1, 1e3}, {"1/MPa", "1/Pa", 1, 1e6}};
+} also[] = {{"-", "1", 1, 1},           {"percent", "1", 1, 100}, {"pct", "1", 1, 100},    {"sec", "s", 1, 1},
+            {"seconds", "s", 1, 1},     {"second", "s", 1, 1},    {"min", "s", 60, 1},     {"minutes", "s", 60, 1},
+            {"rad/sec", "rad/s", 1, 1}, {"1/sec", "1/s", 1, 1},   {"1/min", "1/s", 1, 60}, {"mrad", "rad", 1, 1e3},
+            {"h", "s", 3600, 1},        {"hr", "s", 3600, 1},     {"hours", "s", 3600, 1}, {"kHz", "1/s", 1e3, 1},
+            {"mHz", "1/s", 1, 1e3},     {"mPa", "Pa", 1, 1e3},    {"GPa", "Pa", 1e9, 1},   {"kN", "N", 1e3, 1},
+            {"uN", "N", 1, 1e6},        {"bar", "Pa", 1e5, 1},    {"dyn", "N", 1, 1e5},    {"dyn/cm^2", "Pa", 1, 10},
+            {"1/kPa", "1/Pa", 1, 1e3},  {"1/MPa", "1/Pa", 1, 1e6}};
 
 typedef struct spelling {
     const char *as, *is;
@@ -191,8 +192,7 @@ static bool after_mark(kn_heading *h, char *text, char mark)
     return false;
 }
 
-// Read a suffix like _pa, _rad_s or _per_pa as the unit Pa, rad/s or 1/Pa. Small letters may stand for capitals, and _
-// stands for a division.
+// Read a suffix like _pa, _rad_s or _per_pa as the unit Pa, rad/s or 1/Pa. Small letters may stand for capitals.
 static bool take_suffix(kn_heading *h, const char *suffix, size_t length)
 {
     static const spelling small[] = {{"pa", "Pa"}, {"kpa", "kPa"}, {"mpa", "MPa"}, {"gpa", "GPa"},
@@ -220,13 +220,40 @@ static bool after_underscore(kn_heading *h, char *text)
     for (char *word = text; *word; word += strspn(word, " ")) {
         size_t length = strcspn(word, " ");
         for (char *at = word + 1; length > 0 && at < word + length; at++) {
-            if (*at != '_' || !take_suffix(h, at + 1, (size_t)(word + length - at - 1))) continue;
+            if (*at != '_' || at[1 + strspn(at + 1, "0123456789")] == '\0' || // "strain_1" is the first of several
+                !take_suffix(h, at + 1, (size_t)(word + length - at - 1)))
+                continue;
             memmove(at, word + length, strlen(word + length) + 1);
             return true;
         }
         word += length;
     }
     return false;
+}
+
+// Read a heading like "name in unit" or "% name".
+static bool around_name(kn_heading *h, char *text)
+{
+    char *in = strstr(text, " in ");
+    const size_t length = *text == '%' ? 1 : !strncmp(text, "percent ", 8) ? 7 : 0;
+    if (in && take_unit(h, in + 4, strlen(in + 4))) return *in = '\0', true;
+    if (!length || !text[length] || !take_unit(h, text, length)) return false;
+    memmove(text, text + length, strlen(text + length) + 1);
+    return true;
+}
+
+// A factor in the name, such as "Stress (x10^3)", belongs to a unit that is not known.
+static void take_factor(kn_heading *h, char *text)
+{
+    static const char *const signs[] = {"x10", "x 10", "\303\22710", "\303\227 10", "*10"};
+    char *at = NULL, unit[KN_HEADING_NAME];
+    for (int i = 0; i < 5 && !at; i++) at = strstr(text, signs[i]);
+    if (!at || at == text || !strchr(" ([", at[-1])) return;
+    at -= at[-1] != ' ';
+    snprintf(unit, sizeof unit, "%.30s %.40s", at, h->unit_text);
+    copy(h->unit_text, sizeof h->unit_text, unit, strlen(unit));
+    h->has_unit = false;
+    *at = '\0';
 }
 
 // Read the last word as the unit, as in "Strain %". A last word that follows a number is not the unit of the column:
@@ -257,8 +284,7 @@ static void simplify(char word[KN_HEADING_NAME], const char *name)
     word[n] = '\0';
 }
 
-// Take text in square brackets at the end of the heading as its unit, even if this unit is unknown, as in "displacement
-// [furlong]".
+// Take text in square brackets at the end of the heading as its unit, even if this unit is unknown.
 static void unknown_unit(kn_heading *h, char *text)
 {
     const size_t n = strlen(text);
@@ -274,9 +300,10 @@ void kn_heading_read(kn_heading *h, const char *text)
     memset(h, 0, sizeof *h);
     copy(left, sizeof left, text, strlen(text));
     // Try the notations of a unit one after the other, the most explicit one first.
-    const bool known = in_brackets(h, left) || after_mark(h, left, '/') || after_mark(h, left, ',') ||
-                       after_underscore(h, left) || last_word(h, left);
+    const bool known = in_brackets(h, left) || around_name(h, left) || after_mark(h, left, '/') ||
+                       after_mark(h, left, ',') || after_underscore(h, left) || last_word(h, left);
     if (!known) unknown_unit(h, left);
+    take_factor(h, left);
     copy(h->name, sizeof h->name, left, strlen(left));
     simplify(h->word, h->name);
 }
@@ -326,20 +353,38 @@ static const char *const quantities[][24] = {
                          "traversenweg", "verformung", "eindringtiefe", " displacement",
                          " deformation", " distance",  " extension"},
     [KN_STRAIN] = {"strain", "1", "strain", "shear strain", "gamma", "epsilon", "dehnung", "stauchung", "scherung",
-                   "scherdeformation", "deformation", "compression", "verformung", " strain", " dehnung"},
+                   "scherdeformation", "scherdehnung", "compressive strain (displacement)", "deformation",
+                   "compression", "verformung", " strain", " dehnung"},
     [KN_COMPLIANCE] = {"compliance", "1/Pa", "compliance", "creep compliance", "j", "j(t)", "d(t)", "nachgiebigkeit",
                        "kriechnachgiebigkeit", " compliance", " nachgiebigkeit"},
     [KN_LOAD] = {"load", "N", "load", "force", "weight", "f", "w", "kraft", "standardkraft", "pruefkraft", " load",
                  " force", " kraft"},
     [KN_STRESS] = {"stress", "Pa", "stress", "shear stress", "compressive stress", "sigma", "tau", "pressure", "p",
-                   "spannung", "schubspannung", "druckspannung", " stress", " spannung"},
-    [KN_MODULUS] = {"modulus", "Pa", "modulus", "relaxation modulus", "g(t)", "e(t)", "g", "e", "complex modulus",
-                    "shear modulus", "|g*|", "|e*|", "g*", "e*", "dynamic modulus", "relaxationsmodul",
-                    "komplexer schubmodul", "schubmodul", " relaxation modulus"},
+                   "spannung", "schubspannung", "scherspannung", "druckspannung", " stress", " spannung"},
+    [KN_MODULUS] = {"modulus",
+                    "Pa",
+                    "modulus",
+                    "relaxation modulus",
+                    "g(t)",
+                    "e(t)",
+                    "g",
+                    "e",
+                    "complex modulus",
+                    "shear modulus",
+                    "|g*|",
+                    "|e*|",
+                    "g*",
+                    "e*",
+                    "dynamic modulus",
+                    "relaxationsmodul",
+                    "schubmodul",
+                    "komplexer schubmodul",
+                    "complex shear modulus",
+                    " relaxation modulus"},
     [KN_FREQUENCY] = {"frequency", "1/s", "frequency", "freq", "f", "omega", "w", "frequenz", "kreisfrequenz",
                       "winkelfrequenz", " frequency", " kreisfrequenz"},
     [KN_STORAGE] = {"storage modulus", "Pa", "g'", "e'", "storage modulus", "storage", "gp", "elastic modulus",
-                    "speichermodul", " storage modulus"},
+                    "shear modulus (elastic component)", "speichermodul", " storage modulus"},
     [KN_LOSS] = {"loss modulus", "Pa", "g''", "e''", "loss modulus", "loss", "gpp", "viscous modulus",
                  "shear modulus (viscous component)", "verlustmodul", " loss modulus"},
     [KN_TANGENT] = {"tan delta", "1", "tan delta", "tan(delta)", "tandelta", "tan d", "loss tangent", "loss factor",
@@ -352,8 +397,8 @@ const char *kn_column_quantity_name(kn_column_quantity q) { return quantities[q]
 
 bool kn_heading_shear(const kn_heading *h)
 {
-    return strstr(h->word, "shear") || strstr(h->word, "schub") || strstr(h->word, "scherung") ||
-           strstr(h->word, "scherdef") || strstr(h->word, "schermod");
+    const char *push = strstr(h->word, "schub"); // but "Vorschub" is a feed
+    return strstr(h->word, "shear") || strstr(h->word, "scher") || (push && (push == h->word || push[-1] == ' '));
 }
 
 bool kn_column_role(kn_heading *h, const char *role)
@@ -401,13 +446,14 @@ static bool ends_with(const char *text, const char *end)
 }
 
 // Return whether the column has this name. A name with a blank in front also matches the first or last words of a
-// longer column name. But it does not match a rate: a "strain rate" is not a strain.
+// longer column name. But it does not match a rate, as a "strain rate" is not a strain, nor a computed time, such as the
+// "relaxation time" of a sweep.
 static bool is_called(const kn_heading *h, const char *name)
 {
     if (*name != ' ') return !strcmp(h->word, name);
     if (!strcmp(h->word, name + 1)) return true;
     const char *rest = h->word + strlen(name + 1);
-    return !ends_with(h->word, " rate") &&
+    return !strstr(h->word, " rate") && !strstr(h->word, "relaxation time") && !strstr(h->word, "retardation time") &&
            (ends_with(h->word, name) || (!strncmp(h->word, name + 1, strlen(name + 1)) && *rest == ' '));
 }
 
@@ -430,7 +476,8 @@ static int named(const kn_table_reader *s, kn_column_quantity q, const char *nam
         if (h->role ? h->role != (int)q + 1 : !is_called(h, name)) continue;
         if (is_it(h, q)) return c;
         const bool its_own = h->role || !strcmp(name, quantities[q][NAME]);
-        if (*other < 0 && *name != ' ' && (its_own || !h->has_unit)) *other = c;
+        const bool bare = !h->has_unit && !*h->unit_text;
+        if (*other < 0 && (*name != ' ' ? its_own || !h->has_unit : bare)) *other = c;
     }
     return -1;
 }
@@ -443,10 +490,13 @@ int kn_column_find(kn_table_reader *s, kn_column_quantity q, int *code)
         const int column = named(s, q, *n, 0, &other), again = named(s, q, *n, column + 1, &ignored);
         if (column < 0) continue;
         convert(&s->column[column].heading, q);
-        if (!code || **n == ' ' || again < 0 || q == KN_TIME) return column;
-        *code = kn_table_reader_complain(s, s->header_line, s->column[again].at,
-                                         "a second column of %s, '%s', expected one: remove the other", its_name,
-                                         s->column[again].heading.name);
+        if (!code || again < 0 || q == KN_TIME) return column;
+        const char *first = s->column[column].heading.name, *second = s->column[again].heading.name;
+        const bool alike = !strcmp(first, second); // then --column cannot name one of them
+        *code = kn_table_reader_complain(
+            s, s->header_line, s->column[again].at, "a second column of %s, '%s'%s%s%s%s%s", its_name, second,
+            alike ? ", expected one: remove the other" : " besides '", alike ? "" : first,
+            alike ? "" : "': --column 'NAME=", alike ? "" : its_name, alike ? "" : "' says which");
         return -1;
     }
     if (other < 0 || !code) return -1;

@@ -44,8 +44,7 @@ static int plateau(int count, const double *load, int begin, double tolerance, d
     return i;
 }
 
-// Return whether the next reading confirms the load of reading i: the two loads differ by at most `tolerance`. The
-// first and the last reading need no confirmation.
+// Return whether the next reading confirms the load of reading i. The first and the last one need no confirmation.
 static bool confirmed(int count, const double *load, int i, double tolerance)
 {
     return i == 0 || i + 1 == count || fabs(load[i + 1] - load[i]) <= tolerance;
@@ -84,93 +83,7 @@ static void find_steps(load_steps *s, kn_curve *c)
     }
 }
 
-// ---- the onset of the strain
-
-// a difference counts as certain if it exceeds this many standard deviations of the noise
-static const double sure = 4;
-// least number of readings through which a line is fitted; a line through two readings leaves no residual, so a stray
-// reading would not show
-enum { LEAST = 3 };
-
-typedef struct level {
-    double strain, variance;
-} level;
-
-// Return the initial level of the strain. If the first readings agree within the noise, the level is their mean;
-// otherwise it is 0.
-static level level_of(int count, const double *strain, double noise)
-{
-    double low = INFINITY, high = -INFINITY, sum = 0;
-    for (int i = 0; i < LEAST && i < count; i++) {
-        low = fmin(low, strain[i]);
-        high = fmax(high, strain[i]);
-        sum += strain[i];
-    }
-    if (count < LEAST || !(high - low <= sure * noise)) return (level){0, 0};
-    return (level){sum / LEAST, noise * noise / LEAST};
-}
-
-// Find the time at which the line through n readings meets the initial level, and the standard deviation of this time.
-// Return false if the noise hides the slope of the line.
-static bool meets(int n, const double *t, const double *x, level from, double noise, double *at_s, double *error_s)
-{
-    double time = 0, strain = 0, tt = 0, tx = 0, left = 0;
-    for (int i = 0; i < n; i++) time += t[i] / n, strain += x[i] / n;
-    for (int i = 0; i < n; i++) {
-        tt += (t[i] - time) * (t[i] - time);
-        tx += (t[i] - time) * (x[i] - strain);
-    }
-    const double slope = tx / tt;
-    for (int i = 0; i < n; i++) left += pow(x[i] - strain - slope * (t[i] - time), 2) / (n - 2);
-    // Use the larger of two variances: that of the known noise, and that of the residuals of the line.
-    const double variance = fmax(noise * noise, left);
-    if (!(slope > sure * sqrt(variance / tt))) return false;
-    *at_s = time - (strain - from.strain) / slope;
-    *error_s = sqrt(variance * (1.0 / n + pow(*at_s - time, 2) / tt) + from.variance) / slope;
-    return true;
-}
-
-double kn_strain_onset(int count, const double *t, const double *x, double noise, double *least_s)
-{
-    const level from = level_of(count, x, noise);
-    double most = 0, best_s = -INFINITY, at_s, error_s;
-    int begin = 0;
-    *least_s = -INFINITY;
-    for (int i = 0; i < count; i++) most = fmax(most, x[i] - from.strain);
-    // The first strain is clearly below the initial level, so the gauge was not set to 0 and no onset can be found.
-    if (count < LEAST || x[0] - from.strain < -sure * noise) return best_s;
-    // Skip the readings that are still at the initial level. Then fit lines through 3, 6, 12, ... readings, up to half
-    // of the largest strain. Each line gives the time at which it meets the level, and a lower limit four standard
-    // deviations earlier. Keep the line with the latest lower limit.
-    while (begin < count && x[begin] - from.strain <= fmax(sure * noise, 1e-3 * most)) begin++;
-    for (int n = LEAST; begin + n <= count && x[begin + n - 1] - from.strain < 0.5 * most; n *= 2) {
-        if (!meets(n, t + begin, x + begin, from, noise, &at_s, &error_s) || at_s - sure * error_s <= *least_s)
-            continue;
-        *least_s = at_s - sure * error_s;
-        best_s = at_s;
-    }
-    return best_s;
-}
-
 // ---- the loads of a creep curve
-
-// Return the time at which the load changed. The strain is continuous, and only its slope jumps with the load. So the
-// load changed at the time where the line through the readings before the change meets the line through the readings
-// after it. If noise hides the jump of the slope, return the middle between the two readings around the change.
-static double moment(const kn_curve *c, const load_step *s, double noise)
-{
-    const double *t = c->time_s + s->begin, *x = c->value + s->begin, middle = 0.5 * (s->early_s + s->late_s);
-    const int a = s->begin - 1;
-    if (a < 1 || s->begin + 2 >= s->end || !isfinite(x[-1]) || !isfinite(x[-2]) || t[-1] != s->early_s) return middle;
-    const double before = (x[-1] - x[-2]) / (t[-1] - t[-2]), next = (x[1] - x[0]) / (t[1] - t[0]);
-    // extrapolate the slope to the moment of the change from the next two intervals, since the slope falls after the
-    // change
-    const double after = 2 * next - (x[2] - x[1]) / (t[2] - t[1]);
-    const double jump = after - before, meet = t[0] - (x[0] - x[-1] - before * (t[0] - t[-1])) / jump;
-    // Use the time at which both lines meet only if its noise is below a quarter of the time between the two readings.
-    if (!(4 * noise < 0.25 * fabs(jump) * (s->late_s - s->early_s))) return middle;
-    return fmin(fmax(meet, s->early_s), s->late_s);
-}
 
 // Add the first load at the time that a note gives, or at an assumed time (kn_curve_begin). The readings do not show
 // this time. Without a note, warn if the strain begins later than the load. If the height is counted from the first
@@ -204,7 +117,8 @@ static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, do
             add_first_load(f, c, s->load, noise);
             continue;
         }
-        const kn_curve_step next = {moment(c, s, noise), s->load, s->early_s, s->late_s};
+        const kn_curve_step next = {kn_slope_jump(c, s->begin, s->end, s->early_s, s->late_s, noise), s->load,
+                                    s->early_s, s->late_s};
         // A load that ended before the specimen's load began did not act on the specimen: the next one is the first.
         if (c->steps == 1 && next.time_s <= c->step[0].time_s && next.stress_pa > 0)
             c->step[0].stress_pa = next.stress_pa;
@@ -219,12 +133,12 @@ static int take_steps(kn_curve_file *f, kn_curve *c, const load_steps *found, do
 static int take_recorded_load(kn_curve_file *f, kn_curve *c, kn_column_quantity load_is, int column)
 {
     load_steps found;
-    const char *name = kn_column_quantity_name(load_is), *word = f->table.column[column].heading.word;
+    const char *name = kn_column_quantity_name(load_is);
     if (load_is == KN_LOAD && kn_curve_need(f, f->area_m2, "a load", "area", "1 cm^2") != KN_EXIT_OK)
         return KN_EXIT_USAGE;
     kn_curve_upright(f, c->count, c->load, name);
     // a recorded stress acts on the present section, unless its name says that it is the load over the initial one
-    const bool nominal = strstr(word, "nominal") || strstr(word, "engineering");
+    const bool nominal = kn_curve_is_nominal(f, column);
     if (load_is == KN_STRESS) c->constant_area |= !nominal;
     if (load_is == KN_STRESS && !f->shear)
         kn_curve_say(f, "'%s' is read as the load over the %s section", f->table.column[column].heading.name,
@@ -254,9 +168,13 @@ static int take_given_load(kn_curve_file *f, kn_curve *c, bool compliance, doubl
     if (compliance && !isfinite(stress_pa)) stress_pa = 1;
     if (isfinite(load_n) || !isfinite(stress_pa)) {
         if (!isfinite(load_n)) load_n = f->load_n;
-        if (!isfinite(load_n))
+        if (!isfinite(load_n)) {
+            char unknown[400];
+            kn_column_unknown(&f->table, unknown, sizeof unknown);
             return kn_curve_refuse(f, 0, -1,
-                                   "no load, expected a column like 'load_gf', a line '# load: 50 gf' or --load 50gf");
+                                   "no load, expected a column like 'load_gf', a line '# load: 50 gf' or --load 50gf%s",
+                                   kn_curve_turned(unknown));
+        }
         if (kn_curve_need(f, f->area_m2, "a load", "area", "1 cm^2") != KN_EXIT_OK) return KN_EXIT_USAGE;
         stress_pa = load_n / f->area_m2;
     }
@@ -291,7 +209,7 @@ static int take_release(kn_curve_file *f, kn_curve *c)
 
 // ---- the columns of a creep table
 
-static const kn_column_quantity values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_HEIGHT, KN_COMPLIANCE},
+static const kn_column_quantity values[] = {KN_STRAIN, KN_DISPLACEMENT, KN_COMPLIANCE, KN_HEIGHT},
                                 loads[] = {KN_STRESS, KN_LOAD};
 
 typedef struct columns { // indices of columns of the table; -1: the table lacks the column
@@ -311,7 +229,8 @@ static int choose_single(kn_curve_file *f, columns *c)
     c->value = kn_column_find_first(&f->table, 4, values, &c->what, &code);
     if (code != KN_EXIT_OK) return code;
     if (c->value < 0) return kn_curve_refuse_columns(f, "height, displacement, strain or compliance", "height_mm");
-    for (int i = 0; i < 2 && c->what != KN_COMPLIANCE && c->load < 0 && code == KN_EXIT_OK; i++)
+    // a compliance needs no load, but its stress shows when the load was taken off
+    for (int i = 0; i < (c->what == KN_COMPLIANCE ? 1 : 2) && c->load < 0 && code == KN_EXIT_OK; i++)
         c->load = kn_column_find(&f->table, c->load_is = loads[i], &code);
     return code;
 }
@@ -323,7 +242,9 @@ static int choose(kn_curve_file *f, columns *c)
     c->time = kn_column_find(&f->table, KN_TIME, &code);
     if (code != KN_EXIT_OK) return code;
     if (c->time < 0) return kn_curve_refuse_columns(f, "time", "time_s");
-    c->loads = kn_column_find_loads(&f->table, KN_CURVES_MAX, c->of_load, c->load_n);
+    // a load in the name of a column counts only if no column holds the load: "Displacement (10 N load cell)"
+    if (kn_column_find(&f->table, KN_LOAD, NULL) < 0 && kn_column_find(&f->table, KN_STRESS, NULL) < 0)
+        c->loads = kn_column_find_loads(&f->table, KN_CURVES_MAX, c->of_load, c->load_n);
     if (c->loads == 0) return choose_single(f, c);
     // A wide file has one column of values for each load. All these columns hold the quantity of the first one.
     const kn_heading *h = &f->table.column[c->of_load[0]].heading;
@@ -383,7 +304,11 @@ static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what, int
     kn_curve_upright(f, c->count, c->value, kn_column_quantity_name(what));
     if (unloaded && zero != 0)
         kn_curve_say(f, "%s is counted from its mean before the load", kn_column_quantity_name(what));
-    for (int i = 0; i < c->count && what == KN_COMPLIANCE && isfinite(f->stress_pa); i++) c->value[i] *= f->stress_pa;
+    const double stress_pa = isfinite(f->stress_pa) ? f->stress_pa
+                             : c->load              ? kn_largest_magnitude(c->count, c->load)
+                                                    : 1;
+    for (int i = 0; i < c->count && what == KN_COMPLIANCE; i++) c->value[i] *= stress_pa;
+    if (what == KN_STRAIN) kn_curve_from_hencky(f, column, c->count, c->value);
     return KN_EXIT_OK;
 }
 
@@ -393,9 +318,10 @@ static int check_strain(kn_curve_file *f, const kn_curve *c, int column)
 {
     for (int i = 0; i < c->count && !c->constant_area; i++)
         if (c->value[i] >= 1)
-            return kn_curve_refuse(
-                f, c->line[i], column,
-                "strain of %.3g, more than the whole height, expected less than 1; is the height right?", c->value[i]);
+            return kn_curve_refuse(f, c->line[i], column,
+                                   "strain of %.3g, more than the whole height, expected less than 1; is the height "
+                                   "right, or the strain in per cent?",
+                                   c->value[i]);
     return KN_EXIT_OK;
 }
 
@@ -482,7 +408,8 @@ static int key_of(kn_curve_file *f, const columns *c)
 {
     if (c->load < 0 || c->load_is == KN_LOAD || kn_heading_shear(&f->table.column[c->load].heading)) return c->load;
     const int load = kn_column_find(&f->table, KN_LOAD, NULL);
-    return load >= 0 ? load : c->load;
+    const char *word = load < 0 ? "" : f->table.column[load].heading.word;
+    return load < 0 || strstr(word, "normal") || strstr(word, "axial") ? c->load : load;
 }
 
 // Return the largest magnitude in the rows begin..end-1 of a column. Return 0 if `column` is -1.
@@ -523,6 +450,10 @@ static int add_long(kn_curve_file *f, const columns *c, int key)
         const double here = largest(s, key, begin, end),
                      next = largest(s, key, end, kn_curve_range_end(s, c->time, end));
         char part[32] = "";
+        if (key >= 0 && end < rows && here < 0.02 * next) {
+            kn_curve_say_left_out(f, end - begin, "before the load");
+            continue;
+        }
         if (end < rows && (key < 0 || fabs(next - here) <= 0.01 * here))
             return kn_curve_refuse(f, s->line[end], c->time,
                                    "time falls%s, expected time that rises, or another load from here on",

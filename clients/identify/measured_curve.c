@@ -38,17 +38,22 @@ int kn_curve_refuse_note(const kn_curve_file *f, const char *key, const char *fo
     return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s: --%s of %s", s->file, key, text);
 }
 
+const char *kn_curve_turned(const char *names)
+{
+    static const char *const words[] = {"torque", "drehmoment", "deflection angle", "auslenk", "'moment"};
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        if (strcasestr(names, words[i]))
+            return "; a torque or a deflection angle depends on the instrument's geometry: export shear stress and "
+                   "shear strain";
+    return "";
+}
+
 int kn_curve_refuse_columns(const kn_curve_file *f, const char *quantity, const char *example)
 {
     char unknown[400];
     kn_column_unknown(&f->table, unknown, sizeof unknown);
-    const bool turned = strcasestr(unknown, "torque") || strcasestr(unknown, "drehmoment") ||
-                        strcasestr(unknown, "deflection angle") || strcasestr(unknown, "auslenkwinkel");
     return kn_curve_refuse(f, 0, -1, "no column of %s, expected one, e.g. '%s'%s%s%s%s", quantity, example,
-                           turned ? "; a torque or a deflection angle depends on the instrument's geometry: export "
-                                    "shear stress and shear strain"
-                                  : "",
-                           *unknown ? "; not known: " : "", unknown,
+                           kn_curve_turned(unknown), *unknown ? "; not known: " : "", unknown,
                            *unknown ? ", and --column 'NAME=QUANTITY' says what a column holds" : "");
 }
 
@@ -72,8 +77,7 @@ void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, 
 
 // ---- readings of a curve
 
-// Copy `count` items of `size` bytes. If `count` is 0, memory is allocated all the same, so that NULL always means out
-// of memory.
+// Copy `count` items of `size` bytes. NULL always means out of memory.
 static void *copy(const void *from, int count, size_t size)
 {
     void *to = malloc((size_t)(count > 0 ? count : 1) * size);
@@ -159,8 +163,7 @@ int kn_curve_order(kn_curve_file *f, kn_curve *c, const char *name)
 
 void kn_curve_upright(const kn_curve_file *f, int count, double *value, const char *name)
 {
-    // Change the signs only if the sum of the negative values is more than twenty times the sum of the positive values,
-    // in magnitude.
+    // Change the signs only if the sum of the negative values is far more than that of the positive values.
     double below = 0, above = 0;
     for (int i = 0; i < count; i++) *(value[i] < 0 ? &below : &above) += fabs(value[i]);
     if (!(below > 20 * above)) return;
@@ -182,6 +185,11 @@ double kn_curve_begin(const kn_curve_file *f, const kn_curve *c)
     if (isfinite(f->begin_s)) return f->begin_s;
     const double first = c->time_s[0], span = c->time_s[c->count - 1] - first;
     // time counts from the load, and the first reading came a little before or after the load
+    if (f->kind == KN_CURVE_RELAX && first <= span && first > 3 * (c->time_s[1] - first))
+        kn_curve_say(f,
+                     "the hold is assumed to begin at 0 s, %.5g s before the first reading: '# begin: TIME' sets "
+                     "another begin",
+                     first);
     if (first <= span) return 0;
     kn_curve_say(f,
                  "time does not begin near 0: it is counted from the first reading, %.6g s; "
@@ -279,8 +287,34 @@ static int choose_relax(kn_curve_file *f, relax_columns *c)
     return c->value >= 0 ? KN_EXIT_OK : kn_curve_refuse_columns(f, "stress, load or modulus", "stress_kPa");
 }
 
+void kn_curve_from_hencky(const kn_curve_file *f, int column, int count, double *strain)
+{
+    const kn_heading *h = &f->table.column[column].heading;
+    if (f->shear || !(strstr(h->word, "hencky") || strstr(h->word, "true strain") || strstr(h->word, "logarithmic")))
+        return;
+    for (int i = 0; i < count; i++) strain[i] = 1 - exp(-strain[i]);
+    kn_curve_say(f, "'%s' is the logarithm of the height: read as the change of the height over the initial one",
+                 h->name);
+}
+
+// If the record begins without load at a strain that is not 0, the strain counts from where the load begins: the gauge
+// was not set to 0, or the tool came through the air.
+static void count_from_load(const kn_curve_file *f, kn_curve *c)
+{
+    const double most = kn_largest_magnitude(c->count, c->value), largest = kn_largest_magnitude(c->count, c->other);
+    int unloaded = 0;
+    while (unloaded < c->count && fabs(c->value[unloaded]) <= 0.02 * most) unloaded++;
+    const double zero = unloaded ? c->other[unloaded - 1] : 0;
+    if (!unloaded && fabs(c->other[0]) > 0.05 * largest && fabs(c->other[0]) < 0.95 * largest)
+        kn_curve_say(f, "the strain is %.4g %% at the first reading: it is taken as it is, since the load acts already",
+                     100 * c->other[0]);
+    if (unloaded == c->count || fabs(zero) <= 0.05 * largest) return;
+    for (int i = 0; i < c->count; i++) c->other[i] -= zero;
+    kn_curve_say(f, "the load begins at a strain of %.4g %%, from which the strain is counted", 100 * zero);
+}
+
 // Compute the strain from displacement or height. If no note or option gives the initial height, use the first height.
-static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
+static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what, int column)
 {
     if (what == KN_DISPLACEMENT && kn_curve_need(f, f->height_m, "a displacement", "height", "1 cm") != KN_EXIT_OK)
         return KN_EXIT_USAGE;
@@ -289,10 +323,14 @@ static int to_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
     for (int i = 0; i < c->count && what != KN_STRAIN; i++)
         c->other[i] = what == KN_HEIGHT ? 1 - c->other[i] / c->height_m : c->other[i] / c->height_m;
     kn_curve_upright(f, c->count, c->other, kn_column_quantity_name(what));
+    kn_curve_from_hencky(f, column, c->count, c->other);
+    count_from_load(f, c);
     for (int i = 0; i < c->count; i++)
         if (c->other[i] >= 1 && !f->shear)
             return kn_curve_refuse(f, c->line[i], -1,
-                                   "strain of %.3g, more than the whole height, expected less than 1", c->other[i]);
+                                   "strain of %.3g, more than the whole height, expected less than 1; is it in per "
+                                   "cent?",
+                                   c->other[i]);
     return KN_EXIT_OK;
 }
 
@@ -325,8 +363,7 @@ static int keep_hold(kn_curve_file *f, kn_curve *c)
     if (!(c->strain > 0))
         return kn_curve_refuse(f, c->line[0], -1, "the strain is 0 in all readings, expected a strain that is held");
     int reached = 0, before = 0, end;
-    // `reached` is the first reading at the strain, `before` the last one without strain, `end` the first one after the
-    // hold.
+    // `reached` is the first reading at the strain, `before` the last one without strain.
     while (reached < c->count && c->other[reached] < 0.99 * c->strain) reached++;
     for (int i = 0; i < reached; i++)
         if (c->other[i] <= 0.002 * c->strain) before = i;
@@ -353,11 +390,12 @@ static double begin_of_hold(const kn_curve_file *f, const kn_curve *c)
     return c->time_s[peak];
 }
 
-static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_is)
+static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_is, int column)
 {
     // If the file has a column of strain, find the hold in it.
     if (c->other) {
-        int code = to_strain(f, c, strain_is);
+        if (isfinite(f->strain)) kn_curve_say(f, "the strain is taken from its column, not as stated");
+        int code = to_strain(f, c, strain_is, column);
         return code == KN_EXIT_OK ? keep_hold(f, c) : code;
     }
     // Without a column of strain, the strain comes from a note or an option, and the hold begins at the largest stress.
@@ -373,9 +411,18 @@ static int take_strain(kn_curve_file *f, kn_curve *c, kn_column_quantity strain_
     return KN_EXIT_OK;
 }
 
-// Compute the stress from load or modulus. If c->constant_area is false, the section grows with the strain.
-static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
+bool kn_curve_is_nominal(const kn_curve_file *f, int column)
 {
+    const char *word = f->table.column[column].heading.word;
+    return strstr(word, "nominal") || strstr(word, "engineering");
+}
+
+// Compute the stress from load or modulus. If c->constant_area is false, the section grows with the strain.
+static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what, int column)
+{
+    const bool nominal = what == KN_STRESS && kn_curve_is_nominal(f, column);
+    if (nominal && !f->shear)
+        kn_curve_say(f, "'%s' is read as the load over the initial section", f->table.column[column].heading.name);
     if (what == KN_LOAD && kn_curve_need(f, f->area_m2, "a load", "area", "1 cm^2") != KN_EXIT_OK) return KN_EXIT_USAGE;
     if (what == KN_LOAD && !(c->strain > 0) && !c->constant_area)
         return kn_curve_refuse(f, 0, -1,
@@ -385,6 +432,7 @@ static int to_stress(kn_curve_file *f, kn_curve *c, kn_column_quantity what)
         const double strain = c->other ? c->other[i] : c->strain;
         // Divide a load by the current area. Multiply a modulus by the strain.
         if (what == KN_LOAD) c->value[i] *= (c->constant_area ? 1 : 1 - strain) / f->area_m2;
+        else if (nominal && !c->constant_area && (c->other || c->strain > 0)) c->value[i] *= 1 - strain;
         else if (what == KN_MODULUS && c->strain > 0) c->value[i] *= strain;
     }
     return KN_EXIT_OK;
@@ -417,8 +465,8 @@ static int load_relax(kn_curve_file *f)
     code = kn_curve_add(f, "", false, (kn_curve_rows){0, rows, time, cols.value, cols.strain, -1}, &c);
     if (code == KN_EXIT_OK) code = kn_curve_order(f, c, name);
     if (code == KN_EXIT_OK) kn_curve_upright(f, c->count, c->value, name);
-    if (code == KN_EXIT_OK) code = take_strain(f, c, cols.strain_is);
-    if (code == KN_EXIT_OK) code = to_stress(f, c, cols.what);
+    if (code == KN_EXIT_OK) code = take_strain(f, c, cols.strain_is, cols.strain);
+    if (code == KN_EXIT_OK) code = to_stress(f, c, cols.what, cols.value);
     if (code == KN_EXIT_OK) code = kn_curve_order(f, c, name);
     if (code != KN_EXIT_OK) return code;
     say_relax(f, c, cols.what);
@@ -693,6 +741,9 @@ static bool is_shear(kn_curve_file *f, int count, const int wanted[])
         if (letter || !strcmp(w, "tau") || !strcmp(w, "stress") || strstr(w, "modul") || strstr(w, "compliance"))
             unsaid = h->name;
     }
+    // If the columns do not say it, another column of the table may.
+    for (int c = 0; c < f->table.columns && unsaid && !f->opt->compression; c++)
+        if (kn_heading_shear(&f->table.column[c].heading)) return true;
     f->unsaid = f->opt->shear ? NULL : unsaid;
     return f->opt->shear;
 }
@@ -718,6 +769,17 @@ int kn_curve_read(kn_curve_file *f, int count, int wanted[])
     return code;
 }
 
+// The gap of a rheometer is no measured height if the curve is of shear.
+static void hide_gaps(kn_curve_file *f)
+{
+    bool shear = f->opt->shear;
+    for (int c = 0; c < f->table.columns; c++) shear |= kn_heading_shear(&f->table.column[c].heading);
+    for (int c = 0; c < f->table.columns && shear && !f->opt->compression; c++) {
+        kn_heading *h = &f->table.column[c].heading;
+        if (!h->role && (strstr(h->word, "gap") || strstr(h->word, "spalt"))) h->role = -1;
+    }
+}
+
 int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind, const char *file,
                   const kn_curve_options *options)
 {
@@ -728,7 +790,10 @@ int kn_curve_load(kn_curve curve[KN_CURVES_MAX], int *count, kn_curve_kind kind,
     *f = (kn_curve_file){.opt = options, .kind = kind, .curve = curve, .count = count};
     const int before = *count;
     int code = kn_table_reader_open(&f->table, file, options->units, options->roles, options->subcommand);
+    hide_gaps(f);
     if (code == KN_EXIT_OK) code = load[kind](f);
+    if (code == KN_EXIT_OK && f->table.statistics > 0)
+        kn_curve_say(f, "%d row%s of statistics, left out", f->table.statistics, f->table.statistics > 1 ? "s" : "");
     if (code == KN_EXIT_OK && f->table.commas) kn_curve_say(f, "the numbers have decimal commas");
     // After an error, free the curves that were added from this file.
     while (code != KN_EXIT_OK && *count > before) kn_curve_free(&curve[--*count]);

@@ -33,6 +33,11 @@ bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s);
 // Set the noise of the curve from its value[], or in a sweep from the logarithms of both moduli.
 void kn_curve_take_noise(kn_curve *c);
 
+// Return when the load changed, between early_s and late_s: the strain is continuous, so the lines through the readings
+// before and after the change meet there. If noise hides the jump of the slope, return the middle. begin, end: readings
+// after the change (reading_noise.c).
+double kn_slope_jump(const kn_curve *c, int begin, int end, double early_s, double late_s, double noise);
+
 // Return the largest magnitude of the numbers; NAN is ignored.
 double kn_largest_magnitude(int count, const double *value);
 
@@ -99,6 +104,13 @@ int kn_curve_need(const kn_curve_file *f, double value, const char *what, const 
 // Set the initial height of the specimen and report its source on stdout.
 void kn_curve_take_height(const kn_curve_file *f, kn_curve *c, double height_m, const char *source);
 
+// Turn a strain into the change of the height over the initial one if the name of its column says that it is the
+// logarithm of the height.
+void kn_curve_from_hencky(const kn_curve_file *f, int column, int count, double *strain);
+
+// Return whether the name of a column of stress says that it is the load over the initial section.
+bool kn_curve_is_nominal(const kn_curve_file *f, int column);
+
 // Print one line on stdout that begins with the file's name, such as "creep.csv: ...".
 #define kn_curve_say(f, ...) ((void)(printf("%s: ", (f)->table.file), printf(__VA_ARGS__), putchar('\n')))
 
@@ -113,6 +125,9 @@ void kn_curve_say_bare(const kn_curve_file *f, int column);
 // ".
 __attribute__((format(printf, 3, 4))) int kn_curve_refuse_note(const kn_curve_file *f, const char *key,
                                                                const char *format, ...);
+
+// Return a clause for a refusal if the names of columns (kn_column_unknown) hold a torque or an angle, or "".
+const char *kn_curve_turned(const char *names);
 
 // Print that the table has no column of `quantity`, with the columns that were not recognised. `example` is the name of
 // such a column. Return an exit code.

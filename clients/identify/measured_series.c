@@ -225,11 +225,7 @@ bool kn_curve_thin(kn_curve *c, int most, int changes, const double *change_s)
     return true;
 }
 
-// ---- noise of the readings
-
-// largest number of triples of neighbouring readings from which the noise is estimated; so many triples suffice for a
-// file of ten million readings, and are sorted quickly
-enum { SAMPLES = 100000 };
+// ---- largest values
 
 double kn_largest_magnitude(int count, const double *value)
 {
@@ -247,81 +243,3 @@ int kn_curve_peak(const kn_curve *c)
 }
 
 double kn_curve_largest(const kn_curve *c) { return c->count > 0 ? fmax(0, c->value[kn_curve_peak(c)]) : 0; }
-
-// Return the smallest difference between two unequal neighbouring readings, which is one step of the gauge.
-static double gauge(int count, const double *value)
-{
-    double least = INFINITY;
-    for (int i = 1; i < count; i++)
-        if (value[i] != value[i - 1]) least = fmin(least, fabs(value[i] - value[i - 1]));
-    return isfinite(least) ? least : 0;
-}
-
-static double share(const double *weight, int i) { return weight ? 1 / weight[i] : 1; }
-
-// Return the distance of the middle value from the line through its two neighbours, scaled to the noise of one reading.
-// If each value has independent noise of variance 1, the distance has the variance 1 + a^2 + b^2, where a and b are the
-// shares of the neighbours in the line. The distance is divided by the root of this variance.
-static double bend(const double *t, const double *y, const double *weight)
-{
-    const double span = t[2] - t[0];
-    if (!(span > 0)) return NAN;
-    const double b = (t[1] - t[0]) / span, a = 1 - b;
-    return fabs(y[1] - a * y[0] - b * y[2]) /
-           sqrt(share(weight, 1) + a * a * share(weight, 0) + b * b * share(weight, 2));
-}
-
-// Return the noise as kn_curve_noise does. Each value is the mean of one or more
-// readings. `weight`: number of readings in each mean; NULL: one.
-static double noise_of(int count, const double *time_s, const double *value, const double *weight)
-{
-    // median of |x| if x is normally distributed with standard deviation 1
-    static const double median_of_normal = 0.674489750196082;
-    const double floor = 1e-6 * kn_largest_magnitude(count, value);
-    const int step = count / SAMPLES + 1;
-    double *sizes = malloc((size_t)(count > 2 ? count / step + 1 : 1) * sizeof *sizes), noise = 0;
-    int n = 0, same = 0, pairs = 0;
-    for (int i = 0; sizes && i + 2 < count; i += step) {
-        const double size = bend(time_s + i, value + i, weight ? weight + i : NULL);
-        same += value[i] == value[i + 1];
-        pairs++;
-        if (isfinite(size)) sizes[n++] = size;
-    }
-    // Under a coarse gauge, neighbouring readings are often equal. The noise is then the standard deviation of rounding
-    // to the steps of the gauge.
-    if (2 * same > pairs) {
-        noise = gauge(count, value) / sqrt(12);
-    } else if (n > 0) {
-        qsort(sizes, (size_t)n, sizeof *sizes, kn_ascending);
-        noise = 0.5 * (sizes[(n - 1) / 2] + sizes[n / 2]) / median_of_normal;
-    }
-    free(sizes);
-    return fmax(noise, floor > 0 ? floor : 1e-300);
-}
-
-double kn_curve_noise(int count, const double *time_s, const double *value)
-{
-    return noise_of(count, time_s, value, NULL);
-}
-
-// Return the noise of a sweep: the root mean square of the noise of ln G' and the noise of ln G''.
-static double noise_of_sweep(const kn_curve *c)
-{
-    double *log_hz = malloc(3 * (size_t)c->count * sizeof *log_hz);
-    if (!log_hz) return 1e-6;
-    double *storage = log_hz + c->count, *loss = storage + c->count;
-    for (int i = 0; i < c->count; i++) {
-        log_hz[i] = log(c->time_s[i]);
-        storage[i] = log(c->value[i]);
-        loss[i] = log(c->other[i]);
-    }
-    const double first = noise_of(c->count, log_hz, storage, c->weight),
-                 second = noise_of(c->count, log_hz, loss, c->weight);
-    free(log_hz);
-    return hypot(first, second) / sqrt(2);
-}
-
-void kn_curve_take_noise(kn_curve *c)
-{
-    c->noise = c->kind == KN_CURVE_SWEEP ? noise_of_sweep(c) : noise_of(c->count, c->time_s, c->value, c->weight);
-}

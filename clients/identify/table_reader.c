@@ -20,8 +20,7 @@ int kn_table_reader_complain(const kn_table_reader *s, int line, int at, const c
     return kn_complain(s->subcommand, KN_EXIT_USAGE, "%s:%d:%d: %s", s->file, line, at, text);
 }
 
-// Find the position by reading the file once more, up to the line. Positions are not stored, since a file may have ten
-// million rows.
+// Find the position by reading the file once more, up to the line. They are not stored, since a file may be large.
 int kn_table_reader_at(const kn_table_reader *s, int line, int column)
 {
     struct stat is;
@@ -115,13 +114,14 @@ typedef struct search {
 } search;
 
 // Return whether the line is a row of numbers below a line of names with `cells` cells. In a row, at least half of the
-// cells are numbers or missing, and there are no more cells than names. A line with a word and one number, such as
+// cells are numbers or missing, or three cells are numbers and there is a cell for each name; and there are no more cells than names. A line with a word and one number, such as
 // "Diameter;25", is no row, since such lines stand before tables.
 static bool is_row(const char *line, char separator, int cells)
 {
     census n = count_cells(line, separator);
     if (n.numbers == 0 || (n.numbers == 1 && !n.first && n.cells > 1 && n.missing == 0)) return false;
-    return 2 * (n.numbers + n.missing) >= n.cells && n.cells - n.missing <= cells;
+    const bool mostly = 2 * (n.numbers + n.missing) >= n.cells || (n.numbers >= 3 && n.cells == cells);
+    return mostly && n.cells - n.missing <= cells;
 }
 
 // Return the separator of the cells if the line is a row below these names, or 0 if the line is no row.
@@ -141,19 +141,20 @@ static bool unit_in(kn_text_cell *c, char text[KN_HEADING_NAME], kn_column_unit 
 }
 
 // Return whether a line holds the units of the columns, such as "s;mm;N": at least half of its cells must be known
-// units.
+// units, or all must be in square brackets.
 static bool is_units(const char *line, char separator)
 {
-    int units = 0, others = 0;
+    int units = 0, others = 0, open = 0;
     kn_text_cell c;
     for (const char *at = line; kn_text_cell_next(separator, &at, &c);) {
         char text[KN_HEADING_NAME];
         kn_column_unit unit;
         if (c.length == 0 || (c.length == 2 && !strncmp(c.text, "[]", 2))) continue;
+        open += *c.text != '[';
         if (unit_in(&c, text, &unit)) units++;
         else others++;
     }
-    return units > 0 && units >= others;
+    return units > 0 && (units >= others || open == 0);
 }
 
 // Return the line without what stands before its first cell. A tab at the begin ends an empty cell, if tabs separate.
@@ -242,8 +243,7 @@ static void take_units(kn_table_reader *s, const char *line)
     }
 }
 
-// Return whether the name of a column contains the word. A word in --units stands for every column that has no unit and
-// has this word in its name.
+// Return whether the name of a column contains the word. A word in --units stands for every such column without a unit.
 static bool has_word(const char *name, const char *word)
 {
     const size_t length = strlen(word);
@@ -304,11 +304,10 @@ static int no_table(const kn_table_reader *s)
 {
     if (*s->lines.error)
         return kn_table_reader_complain(s, s->lines.number ? s->lines.number : 1, 1, "%s", s->lines.error);
-    if (s->header_line)
-        return kn_table_reader_complain(s, s->header_line, 1,
-                                        "names without numbers below them, expected rows of numbers");
     return kn_table_reader_complain(
-        s, 1, 1, "no table, expected a line of names like time_s,height_mm and rows of numbers below it");
+        s, s->header_line ? s->header_line : 1, 1,
+        s->header_line ? "names without numbers below them, expected rows of numbers, with as many cells as names"
+                       : "no table, expected a line of names like time_s,height_mm and rows of numbers below it");
 }
 
 int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units, const char *roles,
@@ -325,6 +324,8 @@ int kn_table_reader_open(kn_table_reader *s, const char *file, const char *units
     const int last = s->units_line ? s->units_line : s->header_line;
     while (s->lines.number < last && kn_lines_next(&s->lines)) {
         const char *line = s->lines.text;
+        if (s->lines.number == s->header_line) snprintf(s->names_text, sizeof s->names_text, "%s", line);
+        if (s->lines.number == s->units_line) snprintf(s->units_text, sizeof s->units_text, "%s", line);
         if (s->lines.number == s->header_line && !take_names(s, line))
             return kn_table_reader_complain(s, s->header_line, 1, "more than %d columns, expected fewer",
                                             KN_TABLE_COLUMNS);
@@ -392,6 +393,31 @@ static bool is_other(kn_table_reader *s, int index, const kn_text_cell *c)
     return other;
 }
 
+// Return whether a row holds a statistic of the column, such as a mean: the first word of its first cell says so.
+static bool is_statistic(const char *line, char separator)
+{
+    static const char words[] =
+        " mean average avg std stdev sd s.d standard min minimum max maximum median variance cv "
+        "coefficient mittelwert mittel standardabweichung stabw ";
+    kn_text_cell c = {0};
+    char word[32] = " ";
+    int n = 1;
+    for (const char *at = line; kn_text_cell_next(separator, &at, &c) && c.length == 0;) continue;
+    for (int i = 0; i < c.length && n < 30 && (isalpha((unsigned char)c.text[i]) || (c.text[i] == '.' && i == 1)); i++)
+        word[n++] = (char)tolower((unsigned char)c.text[i]);
+    word[n] = ' ';
+    return n > 1 && strstr(words, word);
+}
+
+// Return whether a mark in a number can be no thousands separator: it stands behind a lone 0, or not before three
+// digits at the end.
+static bool is_decimal(const kn_text_cell *c, char mark)
+{
+    const char *at = memchr(c->text, mark, (size_t)c->length);
+    if (!at || at == c->text) return at;
+    return c->text + c->length - at != 4 || (at[-1] == '0' && (at - 1 == c->text || !isdigit((unsigned char)at[-2])));
+}
+
 // Read one row. slot[i] is the column of cell i, or -1. `cells` is the number of names. If a requested cell holds text
 // in place of a number, skip the row and remember the text. The text becomes an error if another row follows.
 static int take_row(kn_table_reader *s, int cells, const int slot[])
@@ -414,6 +440,7 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
         const kn_text_cell_content is = kn_text_cell_read(&c, s->of_rows, &value, &s->commas, &s->points);
         numbers += is == KN_CELL_NUMBER;
         if (is == KN_CELL_TEXT && !of_bad) of_bad = column, bad = c;
+        if (is == KN_CELL_NUMBER) s->decimal |= is_decimal(&c, ',') || is_decimal(&c, '.');
         if (is == KN_CELL_NUMBER && column->heading.has_unit) value = kn_column_unit_si(&column->heading.unit, value);
         if (is == KN_CELL_NUMBER && fabs(value) > KN_TABLE_MOST)
             return kn_table_reader_complain(s, s->lines.number, (int)(c.text - line) + 1,
@@ -421,6 +448,12 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
         column->value[s->rows] = is == KN_CELL_NUMBER ? value : NAN;
     }
     if (index > s->longest) s->longest = index;
+    if (s->of_rows == ' ' && index < cells && numbers > 0 && index > 1)
+        return kn_table_reader_complain(
+            s, s->lines.number, 1,
+            "%d cells below %d names, and blanks do not show which is missing: write nan in "
+            "its place",
+            index, cells);
     for (; index < cells; index++) // if the row has too few cells, treat the absent cells as missing readings
         if (slot[index] >= 0) s->column[slot[index]].value[s->rows] = NAN;
     if (of_bad) set_aside(s, of_bad, &bad, numbers > 0);
@@ -434,9 +467,18 @@ static int take_row(kn_table_reader *s, int cells, const int slot[])
     return KN_EXIT_OK;
 }
 
+// Return whether two lines are equal but for separators and blanks at their ends.
+static bool is_same_line(const char *a, const char *b)
+{
+    size_t n = strlen(a), m = strlen(b);
+    while (n > 0 && strchr(" \t,;", a[n - 1])) n--;
+    while (m > 0 && strchr(" \t,;", b[m - 1])) m--;
+    return n == m && !memcmp(a, b, n);
+}
+
 // Return whether the line repeats the names of the columns. Some instruments write these names again above each
 // interval of a measurement.
-static bool is_repeated(const kn_table_reader *s, const char *line)
+static bool is_repeated(kn_table_reader *s, const char *line)
 {
     kn_text_cell c;
     int index = 0, same = 0;
@@ -447,7 +489,9 @@ static bool is_repeated(const kn_table_reader *s, const char *line)
         kn_heading_read(&h, text);
         same += *h.word && !strcmp(h.word, s->column[index].heading.word);
     }
-    return same >= 2 && 2 * same >= s->columns;
+    if (same < 2 || 2 * same < s->columns) return false;
+    if (!s->other_table && !is_same_line(line, s->names_text)) s->other_table = s->lines.number;
+    return true;
 }
 
 // Return whether a line is not a row and can be skipped: repeated names, units below them, a note or an empty line.
@@ -468,7 +512,12 @@ static bool is_skipped(kn_table_reader *s, bool *repeated)
     kn_text_cell c;
     const char *at = text;
     const bool label = words && kn_text_cell_next(s->separator, &at, &c) && c.length > 0 && c.text[c.length - 1] == ':';
-    return *repeated || label || (below && is_units(text, s->separator));
+    const bool units = below && count_cells(text, s->separator).numbers == 0 && is_units(text, s->separator);
+    if (units && !s->other_table && s->units_line && !is_same_line(s->lines.text, s->units_text))
+        s->other_table = s->lines.number;
+    const bool statistic = !*repeated && !units && is_statistic(text, s->of_rows);
+    s->statistics += statistic;
+    return *repeated || label || units || statistic;
 }
 
 int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
@@ -491,10 +540,20 @@ int kn_table_reader_read(kn_table_reader *s, int count, const int wanted[])
         // Read the row into the next free place.
         if (!grow(s, count, wanted)) return kn_complain(s->subcommand, KN_EXIT_DEVICE, "%s: out of memory", s->file);
         code = take_row(s, cells, slot);
+        if (code == KN_EXIT_OK && s->other_table)
+            return kn_table_reader_complain(s, s->other_table, 1,
+                                            "a second table with other columns or units, expected one table in a file: "
+                                            "remove the other");
     }
     if (code == KN_EXIT_OK && *s->lines.error)
         return kn_table_reader_complain(s, s->lines.number, 1, "%s", s->lines.error);
     if (code == KN_EXIT_OK && s->strange.name) return bad_text(s);
+    // semicolons separate where a comma is the decimal mark, and a point stands before thousands
+    if (code == KN_EXIT_OK && s->rows > 0 && !s->decimal && (s->commas || (s->points && s->of_rows == ';')))
+        return kn_table_reader_complain(s, s->line[0], 1,
+                                        "every %s stands before three digits, as a thousands separator does: write "
+                                        "decimal points, and not three digits behind all of them",
+                                        s->commas ? "comma" : "point");
     if (code == KN_EXIT_OK && s->rows > 0 && s->longest < cells)
         return kn_table_reader_complain(s, s->line[0], 1,
                                         "no row has more than %d cells below %d names, so the cells may be shifted "

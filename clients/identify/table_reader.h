@@ -9,16 +9,14 @@
 //     s;mm;                                  units in a row of their own below them
 //     0,3;9,96;M-                            a row; a column that is not requested may hold any text
 //
-// The column names are in the last line of words before the first row of numbers. If the last line of words holds only
-// units, the names are in the line of words above the units. At least one row must have a cell for each name; shorter
-// rows lack readings at their end. If all rows are shorter, they may be shifted against the names: the file is refused.
-// A comment line such as "# time height", which numpy writes, is taken as the line of names only if no other line can
-// hold the names.
+// The names are in the last line of words before the first row of numbers, or above it if it holds units. A comment such
+// as "# time height" (numpy) holds them only if no other line can. Shorter rows lack readings at their end. If all rows
+// are shorter, or if blanks separate, they may be shifted against the names: the file is refused.
 //
 // Cells are separated by tabs, semicolons, commas or blanks: the first separator in this order that the line of names
 // contains. Decimal commas are read if the separator is not a comma, and in quoted cells like "0,5". A reading is
-// missing if its cell is empty, -, nan, NA or #N/A. Instruments repeat the names and units above each interval of a
-// measurement. Repeated names, the units below them and the text above them are skipped.
+// missing if its cell is empty, -, nan, NA or #N/A. Names and units that an instrument repeats above each interval, the
+// text above them and rows of statistics are skipped.
 #include "core/scene/units.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -160,7 +158,8 @@ typedef struct kn_table_reader {
     kn_note note[KN_TABLE_NOTES];
     // lines that hold the names and the units, counted from 1; 0: there is no such line
     int header_line, units_line;
-    bool commas; // numbers with decimal commas were found
+    bool commas;    // numbers with decimal commas were found
+    int statistics; // number of rows that were left out, since they hold means or other statistics
     // Filter for a table with rows of several tools: only rows whose cell in the column `column` equals `text` are
     // read. If `text` is NULL, all rows are read.
     struct {
@@ -172,9 +171,12 @@ typedef struct kn_table_reader {
     kn_lines lines;
     // of_rows: separator in the rows; separator: separator in the line of names. The two may differ.
     char separator, of_rows;
-    int room;    // number of rows for which memory is allocated
-    int longest; // number of cells of the longest row
-    bool points; // numbers with decimal points were found
+    int room;        // number of rows for which memory is allocated
+    int longest;     // number of cells of the longest row
+    bool points;     // numbers with decimal points were found
+    bool decimal;    // a comma was found that can be no thousands separator
+    int other_table; // line that repeats most of the names, but not all, or with other units; 0: none
+    char names_text[4096], units_text[4096]; // the lines of names and units
     // The first text found in place of a number. If the line of names is repeated below the text, the text is no error.
     struct {
         // lines: number of lines with text in place of a number and without any number; line, at: line number of the

@@ -22,8 +22,7 @@ static bool fail(kn_lines *l, const char *why)
     return false;
 }
 
-// Write one code unit of UTF-16 as UTF-8, at most 3 bytes. Halves of a surrogate pair become '?', since no name or unit
-// contains them.
+// Write one code unit of UTF-16 as UTF-8, at most 3 bytes. Halves of a surrogate pair become '?'.
 static size_t put_wide(char *to, unsigned unit)
 {
     if (unit >= 0xd800 && unit < 0xe000) unit = '?';
@@ -124,8 +123,7 @@ bool kn_lines_rewind(kn_lines *l)
     return true;
 }
 
-// Read the next line. If the unread part of the buffer has no line end, fill the buffer once before taking the rest as
-// a line.
+// Read the next line. If the unread part has no line end, fill the buffer once before taking the rest as a line.
 bool kn_lines_next(kn_lines *l)
 {
     char *end = l->begin < l->end ? memchr(l->buffer + l->begin, l->ending, l->end - l->begin) : NULL;
@@ -139,7 +137,7 @@ bool kn_lines_next(kn_lines *l)
     size_t length = length_all;
     l->number++;
     if (length > KN_LINES_LONGEST) return fail(l, "a line of more than 65536 characters, expected a table");
-    if (memchr(line, 0, length)) return fail(l, "a byte 0, expected text");
+    if (memchr(line, 0, length)) return fail(l, "a byte 0, expected text: save it as UTF-8");
     l->begin += length_all + (end != NULL);
     while (length > 0 && (line[length - 1] == '\r' || line[length - 1] == '\n')) length--;
     memcpy(l->text, line, length);
@@ -155,8 +153,7 @@ bool kn_text_cell_next(char separator, const char **at, kn_text_cell *c)
     const char *p = *at + strspn(*at, separator == '\t' ? " " : " \t"), *end;
     c->quoted = *p == '"';
     c->text = p + c->quoted;
-    // A quoted cell ends at the quote before the next separator. A quote inside the cell may be doubled, or may be the
-    // inch sign.
+    // A quoted cell ends at the quote before the next separator. A quote inside it may be doubled, or the inch sign.
     if (c->quoted) {
         for (end = c->text; *end; end++)
             if (*end == '"' && end[1] == '"') end++;

@@ -192,6 +192,33 @@ TEST("files of instruments give creeps, relaxations and sweeps in SI units, with
          "Angular frequency (1/s),|E*| [Pa],phase angle (\xc2\xb0)\n"
          "@10 6.28318530718-.628318530718,10440.30650891-1044.030650891,16.699244234\n",
          SWEPT, ""},
+        {"a compliance in shear takes its stress, and its release, from the column of stress; the gap is no height",
+         KN_CURVE_CREEP,
+         "Time [s];Shear Stress [Pa];Creep Compliance [1/Pa];Gap [mm]\n@10 0+1;50;0+.001;1\n"
+         "@9 10+1;0;.005;1\n",
+         "a: 19 readings, 0..18 s, 0..0.1443, 86.6 Pa at 0 s, 0 Pa at 9 s, constant stress", "taken off at 9 s"},
+        {"a name of shear anywhere in a sweep makes it one of shear", KN_CURVE_SWEEP,
+         "omega [rad/s],Shear Strain [%],G' [Pa],G\" [Pa]\n"
+         "@10 6.28318530718-.628318530718,1,10000-1000,3000-300\n",
+         "a: 10 readings, 0.1..1 s, 3000..3e+04, loss 900..9000, constant stress", "is of shear*E = 3 G"},
+        {"a normal force beside a shear stress is not the load", KN_CURVE_CREEP,
+         "Time [s];Shear Stress [Pa];Shear Strain [%];Normal Force [N]\n@10 0+1;50;0+.1;.1\n",
+         "a: 10 readings, 0..9 s, 0..0.005196, 86.6 Pa at 0 s, constant stress", "is of shear"},
+        {"a nominal stress of a relaxation counts on the initial section, and a logarithmic strain becomes a change of "
+         "height",
+         KN_CURVE_RELAX, "# strain: 20 %\ntime_s;nominal stress_pa\n@8 1+1;8000-1000\n",
+         "a: 8 readings, 1..8 s, 6400..800, strain 0.2 from 0 s", "load over the initial section"},
+        {"", KN_CURVE_RELAX, "time_s;true strain;stress_pa\n@8 1+1;.2231435513;8000-1000\n",
+         "a: 8 readings, 1..8 s, 8000..1000, strain 0.2 from 0 s", "logarithm of the height"},
+        {"a strain counts from where the load begins, after the tool's way through the air", KN_CURVE_RELAX,
+         SIZE "time_s;displacement_mm;force_N\n@5 0+1;0+.5;0\n@5 5+1;2.4+.1;0+.2\n@20 10+1;2.8;1-.01\n",
+         "a: 25 readings, 5..29 s, 0..7776, strain 0.04 from 9 s", "the load begins at a strain of 24 %"},
+        {"a hold whose clock begins late is told", KN_CURVE_RELAX,
+         "# strain: 10 %\ntime_s;stress_pa\n@60 30+1;1000-10\n",
+         "a: 60 readings, 30..89 s, 1000..410, strain 0.1 from 0 s", "30 s before the first reading"},
+        {"an interval of rest before the load is left out", KN_CURVE_CREEP,
+         SIZE "time_s;load_gf;displacement_mm\n@4 0+1;0;0\n@10 0+1;10;0+.1\n",
+         "a 10 gf: 10 readings, 0..9 s, 0..0.09, 980.7 Pa at 0 s", "4 readings before the load"},
         {"a table of a rheometer may have leading tabs, a blank row and a row of units", KN_CURVE_RELAX,
          "Project:\tHold\n\nInterval and data points:\t1\t8\n"
          "Interval data:\tPoint No.\tTime\tShear Strain\tShear Stress\tTorque\tStatus\n\t\t\t\t\t\t\n"
