@@ -210,6 +210,7 @@ static bool keep_scene(kn_log_summary *s, const knead_scene_t *told)
     s->scene_name = strdup(told->name);
     s->scene_text = strdup(told->text);
     s->scene_hash = (uint64_t)told->text_hash;
+    s->initial_hash = (uint64_t)told->initial_hash;
     return s->scene_name && s->scene_text;
 }
 

@@ -107,9 +107,9 @@ typedef struct kn_log_initial {
 typedef struct kn_log_summary {
     knead_event_t *events; // array of event_count events, in the order of the log
     size_t event_count, event_capacity;
-    char *scene_name, *scene_text; // name and text of the first scene in the log; NULL: none
-    uint64_t scene_hash;
-    kn_log_scene *others; // array of other_count later scenes, which result from settings made at run time
+    char *scene_name, *scene_text;     // name and text of the first scene in the log; NULL: none
+    uint64_t scene_hash, initial_hash; // initial_hash: state hash of the untouched object
+    kn_log_scene *others;              // array of other_count later scenes, which result from settings made at run time
     size_t other_count;
     uint8_t *object; // snapshot file of the object where the log begins, object_size bytes; NULL: none
     size_t object_size;

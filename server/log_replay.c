@@ -144,7 +144,7 @@ static bool check_probes(const kn_replay *r, const kn_replay_def *def, char *err
 static bool of_this_run(const kn_replay *r, const kn_saved *saved)
 {
     const reading *v = r->private;
-    if (saved->text_hash != r->scene->text_hash || saved->tick >= v->found.last_tick) return false;
+    if ((r->same && saved->text_hash != r->scene->text_hash) || saved->tick >= v->found.last_tick) return false;
     // Compare the snapshot's wall clock with the time that the log gives for its tick. Allow a difference, because
     // ticks that follow poses may run 0.2 % fast or slow, and the logger's clock may be set.
     double ran_us = 1e3 * (double)(saved->tick - v->found.first_tick);
@@ -156,7 +156,7 @@ static bool of_this_run(const kn_replay *r, const kn_saved *saved)
 static bool of_the_run(void *replay, const kn_saved *saved)
 {
     const kn_replay *r = replay;
-    return of_this_run(r, saved) && saved->tick >= r->private->found.before_tick;
+    return r->same && of_this_run(r, saved) && saved->tick >= r->private->found.before_tick;
 }
 
 // Load object, servo and open sessions from the snapshot in v->saved, and continue the replay after the snapshot's
@@ -231,7 +231,7 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
     reading *v = r->private;
     char why[200];
     char misfit[200] = ""; // reason why the object that the log holds does not fit
-    if (r->same && r->forces_logged && v->found.object && !v->found.started) {
+    if (r->forces_logged && v->found.object && !v->found.started) {
         bool fits = kn_saved_decode(r->scene, r->model, v->found.object, v->found.object_size, &v->saved, misfit,
                                     sizeof misfit);
         if (fits && of_this_run(r, &v->saved)) {
@@ -239,6 +239,14 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
             return true;
         }
         if (fits) snprintf(misfit, sizeof misfit, "of another run");
+        // another lattice or material can begin only with an untouched object
+        kn_saved head;
+        bool peeked = kn_saved_peek(r->scene->name, v->found.object, v->found.object_size, &head);
+        if (!r->same && !(peeked && head.state_hash == v->found.initial_hash))
+            return kn_refuse(error, error_size,
+                             "%s: the log begins on a kneaded object, which does not fit these settings (%s): expected "
+                             "the log's own lattice and material, or a log that begins on an untouched object",
+                             def->log_path, misfit);
     }
     bool restores = v->found.restores > 0, wanted = def->snapshot_path && !(restores && v->found.started);
     if (wanted && !(r->same && r->forces_logged))
@@ -427,7 +435,10 @@ static void gather(kn_replay *r)
         if (v->record.kind != KN_LOG_FORCE) continue;
         const knead_contact_force_t *f = &v->record.force;
         int p = probe_of(r, v->record.probe);
-        if (f->tick <= r->resumed_tick) continue;
+        if (f->tick <= r->resumed_tick) {
+            r->tally.before++;
+            continue;
+        }
         if (v->grouped && f->tick > v->group_tick) return;
         // tick numbers rise in a log, so a force of an earlier tick, or a second force of one probe, cannot be used
         bool late = f->tick <= v->tick || (v->grouped && f->tick < v->group_tick);

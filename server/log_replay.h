@@ -23,7 +23,8 @@
 // If the object was already kneaded when the log begins, the replay needs a snapshot of the same run, and starts there.
 // A recording of `knead probe` holds this snapshot itself (channel KNEAD_SNAPSHOT). Otherwise kn_replay_def gives one
 // that was taken at a tick within the log. With --snapshot, the replay of any other log without restores also starts at
-// the first snapshot of its run. A replay with another scene or computation than the log's starts with a new object.
+// the first snapshot of its run. With another scene or computation than the log's, a replay begins at the object that the log
+// holds if that fits, and is refused if it does not, unless that object was untouched.
 //
 // The log is read twice, and only the last poses are kept in memory, so a log may be larger than memory. Memory is
 // allocated in kn_replay_create, when a snapshot is restored, and when a setting is applied.
@@ -63,6 +64,7 @@ typedef struct kn_replay_tally { // counts of ticks and records, and of records 
     int64_t ticks;               // number of ticks executed so far
     int64_t ticks_total;         // number of ticks in the log, for a progress bar; an estimate if the log has no forces
     int64_t forces;              // number of force records used
+    int64_t before;              // number of force records of ticks up to that of the snapshot, which are not used
     // Number of gaps. A gap is a tick in which a probe has a session, but the log lacks the force of the probe or the
     // pose that the force answers.
     int64_t gaps;

@@ -126,6 +126,21 @@ kn_state *kn_scene_settle(const kn_model *model)
     return state;
 }
 
+const char *kn_scene_sinks(const kn_model *model, const kn_state *settled)
+{
+    double extent_m[3];
+    if (!(model->def.gravity_m_s2 > 0) || model->def.support == KN_SUPPORT_NONE) return NULL;
+    kn_model_def_extent(&model->def, extent_m);
+    kn_state *undeformed = settled ? kn_state_create(model) : NULL;
+    const bool sinks = undeformed && kn_state_moved(model, settled, undeformed, 0.25 * extent_m[2]);
+    kn_state_destroy(undeformed);
+    return !settled ? "under its weight the object comes apart within a second: is it held?"
+           : sinks
+               ? "under its weight the object moves by more than a quarter of its height within a second: is it held? "
+                 "A larger support_depth holds more nodes"
+               : NULL;
+}
+
 kn_scene_change *kn_scene_change_create(kn_scene *scene, const kn_scene *now, const kn_model *model, bool identify,
                                         char *error, size_t error_size)
 {

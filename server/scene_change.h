@@ -53,6 +53,8 @@ typedef struct kn_scene_change {
 // Return the settled state of a model, KN_SETTLE_TICKS ticks of its own weight after the undeformed state. The caller
 // destroys it. Return NULL if there is no gravity, nothing holds the object, or memory is short. Not real-time.
 kn_state *kn_scene_settle(const kn_model *model);
+// Return a line of warning if the settled object has not come to rest on its support, or NULL.
+const char *kn_scene_sinks(const kn_model *model, const kn_state *settled);
 
 // Build a change to `scene`, and take ownership of `scene`, also on failure. `now` and `model` are the scene and the
 // model being served. If `identify` is true, the new backend identifies local contact models (core/contact_model.h)

@@ -1,4 +1,5 @@
 #include "server/served_object.h"
+#include "server/scene_change.h"
 #include "server/backend/fpga.h"
 #include "core/lattice/lattice.h"
 #include "core/solve/step_effort.h"
@@ -127,6 +128,8 @@ static bool build(kn_served_object *s, const kn_served_object_def *def, int *cod
     const size_t free_bytes = memory_available();
     if (!place(s, def, free_bytes > bytes ? free_bytes - bytes : 0, code, error, error_size)) return false;
     s->settled = kn_scene_settle(s->model);
+    const char *sinks = kn_scene_sinks(s->model, s->settled);
+    if (sinks) kn_console_err("kneadd: %s: %s", def->scene_path, sinks);
     // build the energy audit, and prepare local contact models; only the implicit solver supports both
     s->audit = kn_audit_create(s->model);
     if (!s->audit && s->scene->model.solver.kind == KN_SOLVER_IMPLICIT)

@@ -205,7 +205,8 @@ static const char *damage(const uint8_t *bytes, size_t size, uint64_t *format, c
     kn_codec_u64(&c, format);
     kn_codec_u64(&c, &whole);
     if (whole != size || size < HEAD + DIGEST) {
-        snprintf(text, text_size, "truncated: %zu bytes of %llu", size, (unsigned long long)whole);
+        snprintf(text, text_size, "%s: %zu bytes of %llu", size < whole ? "truncated" : "too long", size,
+                 (unsigned long long)whole);
         return text;
     }
     digest(bytes, size - DIGEST, found);
@@ -275,16 +276,13 @@ bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t
     return !reason;
 }
 
-bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_settings *settings)
+bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_saved *head)
 {
     char text[160];
     uint64_t format = 0;
-    kn_saved head = {0};
+    *head = (kn_saved){0};
     if (damage(bytes, size, &format, text, sizeof text) || format != FORMAT) return false;
     kn_codec c = {.from = bytes, .size = size - DIGEST, .at = HEAD};
-    put_head(&c, &head);
-    if (c.wrong || !head_legible(&head) || strcmp(head.version, KN_VERSION) != 0 || strcmp(head.scene, scene) != 0)
-        return false;
-    *settings = head.settings;
-    return true;
+    put_head(&c, head);
+    return !c.wrong && head_legible(head) && strcmp(head->version, KN_VERSION) == 0 && strcmp(head->scene, scene) == 0;
 }

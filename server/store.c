@@ -372,9 +372,11 @@ void kn_store_settings(const char *path, const kn_scene *scene, kn_settings *set
     any_series_of(scene, s.series, sizeof s.series);
     found *all = list(&s, dir, &count);
     bool said = false;
+    kn_saved head;
     for (size_t i = count; i-- > 0 && !said;) {
         uint8_t *bytes = get_file(s.files, dir, all[i].name, &size, why, sizeof why);
-        said = bytes && kn_saved_peek(scene->name, bytes, size, settings);
+        said = bytes && kn_saved_peek(scene->name, bytes, size, &head);
+        if (said) *settings = head.settings;
         free(bytes);
     }
     free(all);

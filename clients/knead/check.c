@@ -15,6 +15,7 @@
 #include "core/solve/tool.h"
 #include "core/solver_fixed.h"
 #include "server/option_table.h"
+#include "server/scene_change.h"
 #include "server/served_object.h"
 #include <math.h>
 #include <stdarg.h>
@@ -370,9 +371,10 @@ static void print_device(const kn_scene *scene)
     printf("device    %s: clamp %g N and %g N m, guard %g N/ms, brake above %g m/s with %g N s/m\n", scene->device.name,
            l->clamp_n, l->torque_clamp_n_m, l->guard_n_per_ms, l->brake_m_s, l->brake_n_s_per_m);
     const double rate_hz = scene->rate_hz > 0 ? scene->rate_hz : 1000;
-    if (l->hold_ms > 3)
+    if (rate_hz < 120) warn("at %g Hz a pose that comes half a period late lets the force fade", rate_hz);
+    if (l->zero_ms - l->hold_ms < 17)
         printf("          poses at %g Hz: held for %d ms, which leaves %d ms to fade, so the clamp is at most %.3g N\n",
-               rate_hz, l->hold_ms, l->zero_ms - l->hold_ms, l->clamp_n);
+               rate_hz, l->hold_ms, l->zero_ms - l->hold_ms, fmax(l->clamp_n, 0.5 * (l->zero_ms - l->hold_ms)));
     printf(
         "          poses stop: force held for %d ms, zero after %d ms; poses back for %d ms: full force %g ms later\n",
         l->hold_ms, l->zero_ms, l->flow_ms, l->ramp_up_ms * fmax(1, 1e3 / rate_hz));
@@ -542,6 +544,10 @@ static void print_scene(const kn_scene *scene, const kn_model *model)
     print_object(scene, model);
     print_material(model);
     print_sag(def);
+    kn_state *settled = kn_scene_settle(model);
+    const char *sinks = kn_scene_sinks(model, settled);
+    if (sinks) warn("%s", sinks);
+    kn_state_destroy(settled);
     print_solver(model);
     print_deadline(scene, model);
     print_quality(scene, model);

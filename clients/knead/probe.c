@@ -654,7 +654,8 @@ static int finish(probe *p)
     if (code == KN_EXIT_OK && !isnan(p->before_m)) {
         if (!look(p, last_tick))
             code = complain(KN_EXIT_DEVICE, "no mesh after the withdrawal, so the depth of the dent is not known");
-        else if (kn_tool_height_object(&p->mesh, p->x_m, p->y_m, &after_m)) report.residual_m = p->before_m - after_m;
+        else if (kn_tool_height_object(&p->mesh, p->x_m, p->y_m, &after_m) && after_m > 0)
+            report.residual_m = p->before_m - after_m; // what is below the table has fallen off it
         else
             code = complain(
                 KN_EXIT_FAILED,

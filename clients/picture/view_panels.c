@@ -49,13 +49,13 @@ static int open_saved(kn_view_source *s, const char *scene, const uint8_t *bytes
 {
     char error[400], room[KN_SETTINGS_BYTES];
     const char *list[KN_SETTINGS_MAX];
-    kn_settings sets;
+    kn_saved head;
     int code = load_scene(s, scene, NULL, 0);
     // kn_saved_peek needs the name of the scene to read the settings of a snapshot. So load the scene once without
     // settings, and if the snapshot contains settings, load it again with them.
-    if (code == KN_EXIT_OK && kn_saved_peek(s->scene->name, bytes, size, &sets) && *sets.text) {
+    if (code == KN_EXIT_OK && kn_saved_peek(s->scene->name, bytes, size, &head) && *head.settings.text) {
         forget_scene(s);
-        code = load_scene(s, scene, list, kn_settings_list(&sets, room, list));
+        code = load_scene(s, scene, list, kn_settings_list(&head.settings, room, list));
     }
     if (code != KN_EXIT_OK) return code;
     s->saved = calloc(1, sizeof *s->saved);

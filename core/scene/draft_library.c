@@ -159,6 +159,13 @@ static bool hold(kn_draft *draft)
     kn_safety_limits *limits = &draft->scene.limits;
     const int most_ms = (int)fmin(fmax(ceil(2e3 * period_s(draft) - 1e-6), 3), 15);
     if (!kn_draft_given(draft, 0, KN_KEY_HOLD)) limits->hold_ms = most_ms;
+    if (limits->hold_ms < 1e3 * period_s(draft) - 1e-6)
+        return kn_draft_complain(
+            draft, draft->at[0][KN_KEY_HOLD],
+            "device.hold: %d ms is shorter than the %.3g ms between poses at %g Hz, so every force "
+            "would fade: expected %d to %d ms",
+            limits->hold_ms, 1e3 * period_s(draft), 1 / period_s(draft), (int)ceil(1e3 * period_s(draft) - 1e-6),
+            most_ms);
     if (limits->hold_ms > most_ms)
         return kn_draft_complain(draft, draft->at[0][KN_KEY_HOLD],
                                  "device.hold: %d ms is longer than poses at %g Hz need, expected at most %d ms, or "
@@ -173,9 +180,9 @@ static bool hold(kn_draft *draft)
 void kn_draft_lower_clamp(kn_scene *scene)
 {
     kn_safety_limits *l = &scene->limits;
-    // without the hold of a slow device, the force fades in the time that is left of 17 ms
-    const double fade_ms = l->zero_ms - l->hold_ms, most_n = fade_ms * fmax(0.5, l->clamp_n / (l->zero_ms - 3));
-    if (l->hold_ms <= 3 || l->clamp_n <= most_n) return;
+    // the force may fall by clamp / 17 in a ms, or 0.5 N, and fades in the time from hold to zero
+    const double fade_ms = l->zero_ms - l->hold_ms, most_n = fade_ms * fmax(0.5, l->clamp_n / 17);
+    if (fade_ms >= 17 || l->clamp_n <= most_n) return;
     l->torque_clamp_n_m *= most_n / l->clamp_n;
     scene->device.force_limit_n = l->clamp_n = most_n;
 }

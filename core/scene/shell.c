@@ -104,6 +104,11 @@ static bool next_keyword(reader *r, char text[KN_WORD_MAX])
     return more;
 }
 
+static void skip_line(kn_words *w)
+{
+    while (w->at < w->size && w->bytes[w->at] != '\n' && w->bytes[w->at] != '\r') w->at++;
+}
+
 // Read a text STL file. Only the words facet, vertex and endfacet matter, in letters of any size; other words are
 // skipped.
 static bool read_text_stl(reader *r)
@@ -115,8 +120,9 @@ static bool read_text_stl(reader *r)
     r->words.section = "a facet";
     if (!next_keyword(r, text) || strcmp(text, "solid") != 0)
         return complain(r, r->words.begun, "not an STL file: neither binary nor text, expected 'solid'");
-    while (r->words.at < r->words.size && r->words.bytes[r->words.at] != '\n') r->words.at++; // skip the solid's name
+    skip_line(&r->words); // the solid's name
     while (next_keyword(r, text)) {
+        if (strcmp(text, "solid") == 0 || strcmp(text, "endsolid") == 0) skip_line(&r->words);
         if (strcmp(text, "facet") == 0) at = r->words.begun, corners = 0;
         if (strcmp(text, "endfacet") == 0 && corners != 3)
             return complain(r, r->words.begun, "a facet of %d corners, expected 3", corners);
@@ -137,11 +143,16 @@ typedef struct points { // points of an OBJ file that have been read so far
     long count, room;
 } points;
 
-// Return true if another word follows on the same line.
+// Return true if another word follows on the same line. A backslash at its end joins the next line to it.
 static bool more_on_line(kn_words *w)
 {
-    while (w->at < w->size && (w->bytes[w->at] == ' ' || w->bytes[w->at] == '\t' || w->bytes[w->at] == '\r')) w->at++;
-    return w->at < w->size && w->bytes[w->at] != '\n' && w->bytes[w->at] != '#';
+    for (; w->at < w->size; w->at++) {
+        const char c = (char)w->bytes[w->at];
+        const size_t next = w->at + 1 + (w->at + 1 < w->size && w->bytes[w->at + 1] == '\r');
+        if (c == '\\' && next < w->size && w->bytes[next] == '\n') w->at = next;
+        else if (c != ' ' && c != '\t') return c != '\n' && c != '\r' && c != '#';
+    }
+    return false;
 }
 
 // Read the coordinates of a point of an OBJ file.
@@ -193,7 +204,7 @@ static bool read_obj_lines(reader *r, points *p)
     while (kn_words_next(&r->words, text) > 0) {
         if (strcmp(text, "v") == 0 && !add_point(r, p)) return false;
         if (strcmp(text, "f") == 0 && !take_face(r, p)) return false;
-        while (r->words.at < r->words.size && r->words.bytes[r->words.at] != '\n') r->words.at++;
+        skip_line(&r->words);
     }
     return true;
 }
@@ -202,6 +213,7 @@ static bool read_obj(reader *r)
 {
     points p = {.count = 0};
     r->words.section = "a vertex";
+    if (r->words.size >= 3 && memcmp(r->words.bytes, "\xef\xbb\xbf", 3) == 0) r->words.at = 3; // byte order mark
     bool good = read_obj_lines(r, &p);
     free(p.x);
     return good;
@@ -209,7 +221,7 @@ static bool read_obj(reader *r)
 
 // ---- triangles to surface
 
-// Corners that are closer together than this share of the largest coordinate are one vertex: programs write numbers of
+// Corners that are closer together than this share of the surface's largest extent are one vertex: programs write numbers of
 // six digits and more, and round a corner differently in each triangle.
 #define WELD 5e-6
 
@@ -228,14 +240,18 @@ static int by_slant(const void *a, const void *b)
 static kn_shell *weld(reader *r)
 {
     size_t corners = 3 * (size_t)r->triangles;
-    double most = 0;
+    double most = 0, low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     kn_shell *s = calloc(1, sizeof *s);
     if (!s || corners == 0) return s;
     s->x = malloc((corners + 1) * sizeof *s->x);
     s->triangle = malloc((corners / 3 + 1) * sizeof *s->triangle);
     if (!s->x || !s->triangle) return kn_shell_destroy(s), NULL;
     for (size_t i = 0; i < corners; i++)
-        for (int k = 0; k < 3; k++) most = fmax(most, fabs(r->corner[i].x[k]));
+        for (int k = 0; k < 3; k++) {
+            low[k] = fmin(low[k], r->corner[i].x[k]);
+            high[k] = fmax(high[k], r->corner[i].x[k]);
+            most = fmax(most, high[k] - low[k]);
+        }
     // after sorting, the vertices that may be the same as a corner are the last ones
     qsort(r->corner, corners, sizeof *r->corner, by_slant);
     for (size_t i = 0; i < corners; i++) {

@@ -97,6 +97,11 @@ sed 's/[A-Za-z]*/\U&/g' "$KN_SOURCE/tests/clients/surfaces/block.stl" >upper.stl
 (sed 's/facet/Facet/; s/vertex/VERTEX/' "$KN_SOURCE/tests/clients/surfaces/block.stl" && printf '; made by\n\032') >mixed.stl
 (cat "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" && printf 'MATERIAL=clay, colour=red, and so on for more than fifty bytes') >tail.stl
 awk '/vertex/ { $2 += 1e-4 * (NR % 3 - 1) } 1' "$KN_SOURCE/tests/clients/surfaces/block.stl" >apart.stl
+(printf '\357\273\277' && sed 's/^\(f.*\) \([0-9]*\)$/\1 \\\n \2/' "$surface") >bom.obj # a byte order mark, lines that go on
+sed 's/^solid.*/solid facet vertex one/; s/^endsolid.*/endsolid vertex one/' "$KN_SOURCE/tests/clients/surfaces/block.stl" >named.stl
+for file in bom.obj named.stl; do
+    knead mesh $file -o block.msh --size 1cm >out 2>err && grep -q "^surface .*12 triangles, closed, 75 cm^3 inside" out || fail "$file: $(cat out err)"
+done
 for file in upper mixed tail apart; do
     knead mesh $file.stl -o odd.msh --size 1cm >out 2>err && grep -q "12 triangles, closed, 75 cm^3 inside" out || fail "$file: $(cat out err)"
 done

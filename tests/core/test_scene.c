@@ -304,6 +304,7 @@ TEST("the rate of a device fixes the hold, and the clamp is lowered so that the 
         CHECK_NEAR(scene->limits.torque_clamp_n_m, 0.05 * all[i].clamp_n, 1e-12);
         CHECK(same(scene, again) && again->limits.clamp_n == scene->limits.clamp_n); // the text has the clamp before
     }
+    CHECK(strstr(complaint("device={profile: touch, rate: 100 Hz, hold: 3 ms}"), "expected 10 to 15 ms"));
     CHECK_STR(complaint("device.hold=8 ms"),
               "--set device.hold: 8 ms is longer than poses at 1000 Hz need, expected at most 3 ms, or device.rate");
     CHECK_STR(complaint("device.rate=60 Hz"),
