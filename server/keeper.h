@@ -79,8 +79,8 @@ typedef struct kn_keeper {
     int64_t told_ns, untold;
 } kn_keeper;
 
-// Open a keeper. If `directory` is NULL, nothing is saved, but undo and kn_keeper_copy work. Borrows `scene`, `model` and `directory`.
-// Return 0 on success. Otherwise put one line in `error` and return an exit code.
+// Open a keeper. If `directory` is NULL, nothing is saved, but undo and kn_keeper_copy work. Borrows `scene`, `model`
+// and `directory`. Return 0 on success. Otherwise put one line in `error` and return an exit code.
 int kn_keeper_open(kn_keeper *keeper, const char *directory, const kn_scene *scene, const kn_model *model, char *error,
                    size_t error_size);
 // Close a keeper. A keeper that was never opened is allowed if all its fields are 0 and store.dir is -1.

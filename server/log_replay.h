@@ -23,8 +23,8 @@
 // If the object was already kneaded when the log begins, the replay needs a snapshot of the same run, and starts there.
 // A recording of `knead probe` holds this snapshot itself (channel KNEAD_SNAPSHOT). Otherwise kn_replay_def gives one
 // that was taken at a tick within the log. With --snapshot, the replay of any other log without restores also starts at
-// the first snapshot of its run. With another scene or computation than the log's, a replay begins at the object that the log
-// holds if that fits, and is refused if it does not, unless that object was untouched.
+// the first snapshot of its run. With another scene or computation than the log's, a replay begins at the object that
+// the log holds if that fits, and is refused if it does not, unless that object was untouched.
 //
 // The log is read twice, and only the last poses are kept in memory, so a log may be larger than memory. Memory is
 // allocated in kn_replay_create, when a snapshot is restored, and when a setting is applied.

@@ -1,8 +1,8 @@
 #ifndef KN_SERVER_OPERATOR_H
 #define KN_SERVER_OPERATOR_H
 // The operator's commands: JSON requests of the control socket (control.h) and their answers. Requests that wait for
-// the disk or build a model (snapshot, copy, restore, undo, set, load) run on the control socket's worker thread. All other
-// requests run on the control socket's own thread.
+// the disk or build a model (snapshot, copy, restore, undo, set, load) run on the control socket's worker thread. All
+// other requests run on the control socket's own thread.
 //
 //     {"command": "status"}                        report mode, counters, times and every probe
 //     {"command": "reset"}                         restore the initial object; forces fade, lift the tool to engage
@@ -13,8 +13,8 @@
 //                                                  If the answer has no tick, the server was ending, and the stop is in
 //                                                  force from the next start on
 //     {"command": "snapshot"}                      save the object; the answer comes when the file is on disk
-//     {"command": "copy"}                          answer with the descriptor (SCM_RIGHTS) of a file in memory, which holds
-//                                                  the object as a snapshot file; `scene`: hash of the scene's text
+//     {"command": "copy"}                          answer with the descriptor (SCM_RIGHTS) of a file in memory, which
+//                                                  holds the object as a snapshot file; `scene`: hash of its text
 //     {"command": "restore", "generation": 12}     return to that snapshot; without "generation", to the newest
 //     {"command": "undo"}                          return to the object before the last press, reset or restore
 //     {"command": "set", "values": ["material.c1=3 kPa*s"]}

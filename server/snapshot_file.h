@@ -41,8 +41,8 @@ size_t kn_saved_encode(const kn_scene *scene, const kn_model *model, kn_saved *s
 bool kn_saved_decode(const kn_scene *scene, const kn_model *model, const uint8_t *bytes, size_t size, kn_saved *saved,
                      char *why, size_t why_size);
 
-// Read only the fields of a snapshot file before `generation`; the file may have any lattice. Return false if the file is
-// damaged, of another version, or of a scene with another name.
+// Read only the fields of a snapshot file before `generation`; the file may have any lattice. Return false if the file
+// is damaged, of another version, or of a scene with another name.
 bool kn_saved_peek(const char *scene, const uint8_t *bytes, size_t size, kn_saved *head);
 
 // Copy safety, poses, clutches, quality and counters of the saved servo into `servo`, which then continues as the saved

@@ -446,8 +446,8 @@ static bool ends_with(const char *text, const char *end)
 }
 
 // Return whether the column has this name. A name with a blank in front also matches the first or last words of a
-// longer column name. But it does not match a rate, as a "strain rate" is not a strain, nor a computed time, such as the
-// "relaxation time" of a sweep.
+// longer column name. But it does not match a rate, as a "strain rate" is not a strain, nor a computed time, such as
+// the "relaxation time" of a sweep.
 static bool is_called(const kn_heading *h, const char *name)
 {
     if (*name != ' ') return !strcmp(h->word, name);

@@ -25,8 +25,8 @@ typedef struct load_steps {
     int between; // number of readings that belong to no step, since the load changes there; their values are set to NAN
 } load_steps;
 
-// Limits as shares of the largest load: loads closer than `near_load` count as one load, loads below `zero_load` as no
-// load. These limits are above the noise of a load cell, and below the change of load when a weight is added.
+// Limits as shares of the largest load, above the noise of a load cell and below the change when a weight is added:
+// loads closer than `near_load` count as one load, loads below `zero_load` as no load.
 static const double near_load = 0.04, zero_load = 0.02;
 
 // Return the end of the plateau of the load that begins at the reading `begin`, and set *mean to the mean load of the

@@ -114,8 +114,8 @@ typedef struct search {
 } search;
 
 // Return whether the line is a row of numbers below a line of names with `cells` cells. In a row, at least half of the
-// cells are numbers or missing, or three cells are numbers and there is a cell for each name; and there are no more cells than names. A line with a word and one number, such as
-// "Diameter;25", is no row, since such lines stand before tables.
+// cells are numbers or missing, or three are numbers and there is a cell for each name; and there are no more cells
+// than names. A line with a word and one number, such as "Diameter;25", stands before tables and is no row.
 static bool is_row(const char *line, char separator, int cells)
 {
     census n = count_cells(line, separator);
@@ -494,7 +494,7 @@ static bool is_repeated(kn_table_reader *s, const char *line)
     return true;
 }
 
-// Return whether a line is not a row and can be skipped: repeated names, units below them, a note or an empty line.
+// Return whether a line is no row and can be skipped: repeated names, units below them, a note, a statistic.
 static bool is_skipped(kn_table_reader *s, bool *repeated)
 {
     const char *text = s->lines.text + strspn(s->lines.text, " \t");
@@ -503,7 +503,6 @@ static bool is_skipped(kn_table_reader *s, bool *repeated)
         take_note(s);
         return true;
     }
-    // only a line that begins with a letter or a quote can repeat the names, since a row begins with a digit
     const bool below = *repeated, words = isalpha((unsigned char)*text) || *text == '"';
     *repeated = words && is_repeated(s, s->lines.text);
     // The names are repeated, so the text above them was the heading of the instrument's next interval and is no error.

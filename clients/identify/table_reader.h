@@ -9,9 +9,9 @@
 //     s;mm;                                  units in a row of their own below them
 //     0,3;9,96;M-                            a row; a column that is not requested may hold any text
 //
-// The names are in the last line of words before the first row of numbers, or above it if it holds units. A comment such
-// as "# time height" (numpy) holds them only if no other line can. Shorter rows lack readings at their end. If all rows
-// are shorter, or if blanks separate, they may be shifted against the names: the file is refused.
+// The names are in the last line of words before the first row of numbers, or above it if it holds units. A comment
+// such as "# time height" (numpy) holds them only if no other line can. Shorter rows lack readings at their end. If all
+// rows are shorter, or if blanks separate, they may be shifted against the names: the file is refused.
 //
 // Cells are separated by tabs, semicolons, commas or blanks: the first separator in this order that the line of names
 // contains. Decimal commas are read if the separator is not a comma, and in quoted cells like "0,5". A reading is

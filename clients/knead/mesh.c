@@ -229,7 +229,8 @@ static int judge(const job *j, int status)
     bool endless = WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU;
     if (endless) snprintf(reason, sizeof reason, "not done after %d s of processor time", (int)j->work_s);
     else find_reason(j, reason);
-    snprintf(j->error, j->error_size, "%s cannot fill this surface: %s", j->program, reason);
+    snprintf(j->error, j->error_size, "%s cannot fill this surface: %s%s", j->program, reason,
+             endless ? "" : " (repair the surface there, split polygons into triangles, or try a smaller --size)");
     return KN_EXIT_USAGE;
 }
 

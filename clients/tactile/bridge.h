@@ -12,7 +12,8 @@
 //                                +-- 1 ms timer: watchdogs, fading of the force, reopening of a lost device
 //
 // The session (device_session.h) is the part of the bridge that holds the watchdogs and the output stage. The thread
-// does not print, and blocks only in the calls of a maker's library (vendor.h). It posts its counters and messages as kn_bridge_news for other threads.
+// does not print, and blocks only in the calls of a maker's library (vendor.h). It posts its counters and messages as
+// kn_bridge_news for other threads.
 #include "clients/hand/bus_client.h"
 #include "clients/tactile/device_session.h"
 #include "proto/knead_contact_force_t.h"

@@ -96,7 +96,8 @@ bool kn_vendor_load(kn_vendor_kind kind, char *error, size_t error_size)
 
 // ---- frames
 
-// Axes of the scene in the device's frame: x to the right, y forward, z up. axis: the device's axis, sign: its direction.
+// Axes of the scene in the device's frame: x to the right, y forward, z up. axis: the device's axis, sign: its
+// direction.
 static const struct {
     int axis[3];
     double sign[3];

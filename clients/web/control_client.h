@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_CONTROL_CLIENT_H
 #define KN_CLIENTS_CONTROL_CLIENT_H
-// Client of kneadd's control socket (server/control.h), for the libev thread. It sends the orders of the pages, and asks
-// for kneadd's status. Each request uses its own connection, and the caller never waits for an answer. Every order gets
-// one answer (kn_gateway_answer).
+// Client of kneadd's control socket (server/control.h), for the libev thread. It sends the orders of the pages, and
+// asks for kneadd's status. Each request uses its own connection, and the caller never waits for an answer. Every order
+// gets one answer (kn_gateway_answer).
 #include "clients/hand/live_server.h"
 #include "clients/web/gateway.h"
 #include <jansson.h>

@@ -221,8 +221,8 @@ static bool read_obj(reader *r)
 
 // ---- triangles to surface
 
-// Corners that are closer together than this share of the surface's largest extent are one vertex: programs write numbers of
-// six digits and more, and round a corner differently in each triangle.
+// Corners that are closer together than this share of the surface's largest extent are one vertex: programs write
+// numbers of six digits and more, and round a corner differently in each triangle.
 #define WELD 5e-6
 
 // Return a coordinate along a slanted axis: few corners of a surface with flat sides share it.

@@ -123,7 +123,7 @@ knead mesh "$surface" -o watched.msh --size 1cm 2>err >/dev/null
 
 # A corner pushed through the opposite side: the message is the program's own, in one line.
 sed 's/^v 50 50 30/v 25 24 -20/' "$surface" >cross.obj
-refuses 2 "knead mesh: cross.obj: tetgen cannot fill this surface: Facet #1 intersects facet #4 at triangles:" cross.obj \
+refuses 2 "knead mesh: cross.obj: tetgen cannot fill this surface: Facet #1 intersects facet #4 at triangles: (repair the surface there, split polygons into triangles, or try a smaller --size)" cross.obj \
     --size 6mm -o x.msh --tool tetgen
 knead mesh cross.obj --size 6mm -o x.msh >out 2>err
 [ $? = 2 ] && [ "$(wc -l <err)" = 1 ] && grep -q "^knead mesh: cross.obj: gmsh cannot fill this surface: .*intersect" err ||

@@ -18,10 +18,10 @@ round() { # round NAME KEY [replay]
     await [ -e tty ]
     knead hand paddle --tty tty --quiet --force-limit '2 N' >hand.txt 2>hand.err & hand=$!
     knead touch --json >touch.txt 2>touch.err & touch=$!
+    await [ -s touch.txt ] # it shows the tool that it hears first: the hand's
     knead web --port 0 --probe plate >web.txt 2>web.err & web=$!
     knead probe --probe plate --path press --depth '2 mm' --hold $((count / 20000 + 4)) --tries 1 --quiet >probe.txt 2>probe.err & probe=$!
     await grep -q http web.txt
-    await [ -s touch.txt ]
     for client in $hand $touch $web $probe; do before+=($(rss $client)); done
     hostile record today 1 >/dev/null
     hostile send recorded${3:+,today} $count 1 $3 >sent &
