@@ -15,8 +15,7 @@
 
 #define TEMPORARY ".tmp" // name of the temporary file; one name is enough, because the directory is locked
 #define ESTOP "estop"    // name of the file that stores an emergency stop
-#define SUFFIX ".knead"
-#define GENERATION_MAX 999999999 // largest generation, nine digits; enough for sixteen years at two snapshots a second
+#define GENERATION_MAX INT64_C(9000000000000000) // largest generation; a double holds it exactly
 
 // --- the system -----------------------------------------------------------------------------------------------------
 
@@ -56,7 +55,7 @@ static void any_series_of(const kn_scene *scene, char *series, size_t size)
 
 static void file_name(const char *series, int64_t generation, char name[256])
 {
-    snprintf(name, 256, "%.200s.%08" PRId64 SUFFIX, series, generation);
+    snprintf(name, 256, "%.200s.%08" PRId64 KN_STORE_SUFFIX, series, generation);
 }
 
 // Return the generation in a file's name. Return 0 if the file belongs to another series. If `any_series` is true, the
@@ -71,7 +70,9 @@ static int64_t generation_of(const kn_store *s, const char *name, bool any_serie
         return 0;
     errno = 0;
     long long generation = strtoll(name + at + 1, &end, 10);
-    return errno == 0 && generation > 0 && generation <= GENERATION_MAX && strcmp(end, SUFFIX) == 0 ? generation : 0;
+    return errno == 0 && generation > 0 && generation <= GENERATION_MAX && strcmp(end, KN_STORE_SUFFIX) == 0
+               ? generation
+               : 0;
 }
 
 typedef struct found {
@@ -265,7 +266,7 @@ bool kn_store_save(kn_store *store, kn_saved *saved, bool stays, char *why, size
     s->model = saved->servo.model;
     if (s->scene->text_hash != s->text_hash) series_of(s->scene, s->model, s->series, sizeof s->series);
     s->text_hash = s->scene->text_hash;
-    saved->generation = s->generation + 1;
+    saved->generation = stays ? (s->generation / KN_STORE_OWN + 1) * KN_STORE_OWN : s->generation + 1;
     if (saved->generation > GENERATION_MAX) return kn_refuse(why, why_size, "no generation number is left");
     file_name(s->series, saved->generation, name);
     // Write the temporary file, rename it, then sync the directory. So the directory holds at least one whole snapshot

@@ -5,6 +5,8 @@
 //
 //     dough.1f0c9a7e.00000012.knead
 //
+// Generations count up. An operator's snapshots have the multiples of KN_STORE_OWN, so they are the operator's snapshots 1,
+// 2, 3 ... The server's own follow by ones: 2000000005 is the server's fifth snapshot after the operator's second.
 // The parts of the name are the scene, a hash of its lattice, material and knead's version, and the generation. Scene
 // and hash name a series. Files of another series are never read as if they belonged to this one, and never removed.
 //
@@ -18,6 +20,8 @@
 #include <stdio.h>
 #include <sys/types.h>
 
+#define KN_STORE_SUFFIX ".knead" // end of every snapshot file's name
+#define KN_STORE_OWN INT64_C(1000000000)
 #define KN_STORE_KEPT 8 // number of latest files that are kept
 #define KN_STORE_PINS 4 // number of latest restored files that are kept in addition; must be below KN_STORE_KEPT
 // Largest number of read-only snapshot files of a scene. Operators save such files. When a scene has this many, an

@@ -4,6 +4,7 @@
 #     setup_missing run|gate|night   print the missing packages of tests/packages for this purpose and the earlier ones
 #     setup_consent YES LINE...  show the lines. YES=1 goes on, a terminal is asked, anything else exits 2
 #     setup_install NAME...      install as root or through sudo; otherwise print the commands and exit 3
+#     setup_pace WHAT [pass]     read lines, print them if `pass` is given; after 4 s without a line say that WHAT goes on
 #     setup_build PRESET [TARGET...]  configure and build into build/PRESET; print the compiler's output only on failure
 
 setup_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -35,6 +36,24 @@ setup_consent() {
     [[ $answer == [yY]* ]] || exit 2
 }
 
+setup_pace() {
+    local what=$1 pass=${2-} start=$SECONDS told=$SECONDS line='' part='' count='' code
+    while :; do
+        code=0
+        IFS= read -r -t 1 part || code=$?
+        line+=$part
+        if [ $code = 0 ]; then
+            [[ $line != \[*\]* ]] || count=" ${line%%]*}]" # how far ninja and make are
+            [ -z "$pass" ] || { printf '%s\n' "$line" && told=$SECONDS; }
+            line=
+        elif [ $code -le 128 ]; then # the end, not a second without a line
+            [ -z "$pass$line" ] || printf '%s' "$line"
+            return
+        fi
+        [ $((SECONDS - told)) -lt 3 ] || { echo "$what$count: $((SECONDS - start)) s" && told=$SECONDS; }
+    done
+}
+
 setup_install() {
     [ $# -gt 0 ] || return 0
     local as=()
@@ -48,10 +67,10 @@ setup_install() {
         fi
     fi
     local apt=("${as[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -o Dpkg::Use-Pty=0)
-    if ! "${apt[@]}" update </dev/null >/dev/null || ! "${apt[@]}" install -y --no-install-recommends "$@" </dev/null; then
-        echo "apt could not install: $*"
-        exit 3
-    fi
+    (set -o pipefail
+        "${apt[@]}" update </dev/null | setup_pace "apt-get update" &&
+            "${apt[@]}" install -y --no-install-recommends "$@" </dev/null | setup_pace "apt-get install" pass) ||
+        { echo "apt could not install: $*" && exit 3; }
 }
 
 setup_build() {
@@ -64,8 +83,9 @@ setup_build() {
     if command -v ccache >/dev/null; then
         export CMAKE_C_COMPILER_LAUNCHER=ccache OBJCACHE=ccache CCACHE_BASEDIR=$setup_root CCACHE_NOHASHDIR=1 CCACHE_DEPEND=1
     fi
-    (cd "$setup_root" && cmake --preset "$preset" -DKNEAD_RTL="${KN_RTL:-ON}" &&
-        cmake --build --preset "$preset" -j "$(nproc)" ${1+--target "$@"}) </dev/null >"$log" 2>&1 && return 0
+    (set -o pipefail && cd "$setup_root" && { cmake --preset "$preset" -DKNEAD_RTL="${KN_RTL:-ON}" &&
+        cmake --build --preset "$preset" -j "$(nproc)" ${1+--target "$@"}; } </dev/null 2>&1 | tee "$log" |
+        setup_pace "building into build/$preset") && return 0
     cat "$log"
     return 1
 }

@@ -13,6 +13,7 @@
     X(completion, "print the bash or zsh completion of knead, kneadd and knead-simdev")                                \
     X(creep, "virtual rheometer: load a specimen, then unload it; height, recovery, residual")                         \
     X(ctl, "control a running kneadd: status, reset, quality, snapshot, restore, undo, estop ...")                     \
+    X(demo, "serve a block of dough, press it once, and open a page where the mouse presses it")                       \
     X(devices, "list haptic devices on this machine: how to use each, what is missing and how to fix it; --json")      \
     X(doctor, "check this machine for real time, LCM, devices and wake-up latency; print a fix for each problem")      \
     X(element, "analyse an element of springs and dampers: the first paper's rules, impedance, response")              \

@@ -1,4 +1,4 @@
-# The common look of all plots. knead's commands embed this file; server/run and bench/papers load it. The variables
+# The common look of all plots. knead's commands embed this file; bench/papers loads it. The variables
 # `wide` and `high`, the size of the image in pixels, must be set before. The colours are those of Okabe and Ito, which
 # colour-blind readers can distinguish. The darker colours come first. In a grey print, points and dashes distinguish
 # the curves.

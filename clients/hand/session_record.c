@@ -225,11 +225,11 @@ static void add_to_table(kn_session_report *r, const kn_hand *hand, const kn_att
     double s = path_time(t, f), contact_n = sqrt(kn_dot(f->contact_force_n, f->contact_force_n));
     bool after = f->seq > t->sent || (f->seq == t->sent && f->flags & KN_FLAG_STALE);
     if (!t->play_seq || s < 0.0 || after) return;
-    r->gain_min = fmin(r->gain_min, f->gain);
     r->given_peak_n = fmax(r->given_peak_n, sqrt(kn_dot(f->force_n, f->force_n)));
     // Overwrite this value with every force until the hold ends, so that the last force of the hold remains.
     if (s <= hand->def.path->hold_end_s) r->hold_end_n = contact_n;
     if (!f->contacts) return;
+    r->gain_min = fmin(r->gain_min, f->gain);
     // The contact lasts from the first to the last tick in which a contact carries load.
     if (r->contact_s == 0.0) r->contact_from_s = s;
     r->contact_s = s - r->contact_from_s + 1e-3;
@@ -271,21 +271,8 @@ void kn_session_report_make(kn_session_report *r, const kn_hand *hand, const kn_
     free(trip_ns);
 }
 
-void kn_session_report_print(FILE *out, const kn_session_report *r, const kn_hand *hand, double clamp_n)
+void kn_session_report_print_link(FILE *out, const kn_session_report *r)
 {
-    if (hand->tries > 1)
-        fprintf(out, "  try %d: the object keeps the deformation of the interrupted tries\n", hand->tries);
-    if (r->contact_s > 0.0) {
-        fprintf(out, "  contact         %8.2f s    from %.2f s on\n", r->contact_s, r->contact_from_s);
-        fprintf(out, "  peak            %8.2f N    %.2f s after touch\n", r->peak_n, r->peak_s - r->contact_from_s);
-    } else {
-        fprintf(out, "  contact             none\n");
-    }
-    if (!isnan(r->hold_end_n)) fprintf(out, "  end of hold     %8.2f N\n", r->hold_end_n);
-    if (!isnan(r->residual_m)) fprintf(out, "  residual depth  %8.2f mm   1 s after withdrawal\n", 1e3 * r->residual_m);
-    if (r->peak_n > clamp_n) fprintf(out, "  given to hand   %8.2f N    limited by the device\n", r->given_peak_n);
-    if (r->gain_min < 1.0)
-        fprintf(out, "  poses were late: the force on the hand faded to %.0f %%\n", 100.0 * r->gain_min);
     fprintf(out, "  poses sent      %8lld\n  forces received %8lld      %lld lost\n", (long long)r->sent,
             (long long)r->forces, (long long)r->lost);
     fprintf(
@@ -293,6 +280,25 @@ void kn_session_report_print(FILE *out, const kn_session_report *r, const kn_han
         "  echoes matched  %8lld      %lld of them answer an old pose again; %lld more forces answer another hand\n",
         (long long)r->matched, (long long)r->stale, (long long)r->strange);
     fprintf(out, "  round trip      %8.2f ms   median; p99 %.2f ms\n", r->round_trip_p50_ms, r->round_trip_p99_ms);
+}
+
+void kn_session_report_print(FILE *out, const kn_session_report *r, const kn_hand *hand, double clamp_n)
+{
+    if (hand->tries > 1)
+        fprintf(out, "  try %d: the object keeps the deformation of the interrupted tries\n", hand->tries);
+    if (r->gain_min < 1.0)
+        fprintf(out,
+                "  gain            %8.0f %%    at least: some poses came late, and the hand felt less than the contact "
+                "force\n",
+                100.0 * r->gain_min);
+    if (r->peak_n > clamp_n) fprintf(out, "  given to hand   %8.2f N    limited by the device\n", r->given_peak_n);
+    if (r->contact_s > 0.0)
+        fprintf(out, "  contact         %8.2f s    from %.2f s on\n", r->contact_s, r->contact_from_s);
+    else fprintf(out, "  contact             none\n");
+    if (!isnan(r->residual_m)) fprintf(out, "  residual depth  %8.2f mm   1 s after withdrawal\n", 1e3 * r->residual_m);
+    if (!isnan(r->hold_end_n)) fprintf(out, "  end of hold     %8.2f N\n", r->hold_end_n);
+    if (r->contact_s > 0.0)
+        fprintf(out, "  peak            %8.2f N    %.2f s after touch\n", r->peak_n, r->peak_s - r->contact_from_s);
 }
 
 // Compare two poses by session and then by number, for sorting.

@@ -99,7 +99,9 @@ typedef struct kn_session_report {
 // Compute the report of a session, except the field residual_m, which becomes NAN.
 void kn_session_report_make(kn_session_report *report, const kn_hand *hand, const kn_session_record *record);
 
-// Print the table at the end of `knead probe`. clamp_n: contact force at which the device reaches its limit.
+// Print the table at the end of `knead probe`: first the counts of messages, then what the object did, with the largest
+// force in the last line. clamp_n: contact force at which the device reaches its limit.
+void kn_session_report_print_link(FILE *out, const kn_session_report *report);
 void kn_session_report_print(FILE *out, const kn_session_report *report, const kn_hand *hand, double clamp_n);
 
 // Write one CSV row per force, in order of arrival, with the columns of `knead replay --csv`. Forces that do not echo a

@@ -2,6 +2,7 @@
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/hand/live_server.h"
+#include "server/store.h"
 #include "server/clock.h"
 #include "server/option_table.h"
 #include <inttypes.h>
@@ -24,7 +25,8 @@ static const char help[] =
     "  load [FILE]      check the scene FILE and start again with this scene.\n"
     "                   Without FILE, the file of the present scene is read again\n"
     "  snapshot         save the object to a file, and answer once the file is on disk; needs kneadd --state-dir\n"
-    "  restore [N]      restore the object from snapshot N (default: the newest)\n"
+    "  restore [N]      restore the object from your snapshot N, or from the newest of yours and the server's own.\n"
+    "                   Instead of N: the name of a file in the directory of kneadd --state-dir\n"
     "  undo             undo the last kneading, reset or restore\n"
     "  estop            fade every force to 0 within 20 ms and keep it at 0, for new hands as well, until recover.\n"
     "                   The stop stays in force after load. After a restart it stays only with kneadd --state-dir\n"
@@ -159,8 +161,10 @@ static int tell(const options *o, const char *command, json_t *answer)
         json_object_foreach(answer, key, value) show("", key, value);
         // The answer to the commands snapshot and restore has a member `generation`, the number of the snapshot.
     } else if (json_integer_value(generation) > 0) {
-        printf("%s: generation %" PRId64 ", tick %" PRId64 "\n", command, (int64_t)json_integer_value(generation),
-               (int64_t)json_integer_value(tick));
+        const int64_t number = json_integer_value(generation), later = number % KN_STORE_OWN;
+        printf("%s: snapshot %" PRId64, command, number / KN_STORE_OWN);
+        if (later) printf(" and the server's own %" PRId64 " later", later);
+        printf(", tick %" PRId64 "\n", (int64_t)json_integer_value(tick));
         // The answer to a command that changes the object contains the stored energy before and after the change.
     } else if (stored) {
         printf("%s: tick %" PRId64 ", the object stores %.4g mJ, %.4g before\n", command,
@@ -185,16 +189,30 @@ static json_t *absolute(const char *path)
     return text;
 }
 
+// Find the generation in the name of a snapshot file: the digits between its last two dots.
+static const char *generation_in(const char *file)
+{
+    const char *end = file + strlen(file) - strlen(KN_STORE_SUFFIX);
+    while (end > file && end[-1] != '.') end--;
+    return end;
+}
+
 // Add the argument of the command load, restore or quality to the request. The server refuses an argument that the
 // command does not accept.
 static void add_argument(json_t *request, const char *command, const char *argument)
 {
     long long number;
     char end;
-    if (strcmp(command, "load") == 0) json_object_set_new(request, "scene", absolute(argument));
-    else if (strcmp(command, "restore") != 0) json_object_set_new(request, "name", json_string(argument));
-    else if (sscanf(argument, "%18lld%c", &number, &end) == 1)
+    if (strcmp(command, "load") == 0) {
+        // An unknown name is sent unchanged: the server may know it, and reports the error if not.
+        kn_scene_take(&argument, argument);
+        json_object_set_new(request, "scene", absolute(argument));
+    } else if (strcmp(command, "restore") != 0) json_object_set_new(request, "name", json_string(argument));
+    else if (ends_in(argument, KN_STORE_SUFFIX) && sscanf(generation_in(argument), "%18lld", &number) == 1)
         json_object_set_new(request, "generation", json_integer(number));
+    else if (sscanf(argument, "%18lld%c", &number, &end) == 1)
+        json_object_set_new(request, "generation",
+                            json_integer(number < KN_STORE_OWN ? number * KN_STORE_OWN : number));
     else json_object_set_new(request, "generation", json_string(argument));
 }
 

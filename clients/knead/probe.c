@@ -4,6 +4,7 @@
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
+#include "clients/cli/plot.h"
 #include "clients/cli/result.h"
 #include "clients/hand/bus_client.h"
 #include "clients/hand/closed_loop_hand.h"
@@ -31,7 +32,7 @@ typedef struct probe_options {
     const char *path;
     const char *probe; // name of the tool; NULL: find_tool chooses a tool
     // Names of output files, and URLs of the two buses. NULL: the file is not written, or the default URL is used.
-    const char *record, *control, *csv, *motors, *lcm_url, *mesh_url;
+    const char *record, *control, *csv, *png, *motors, *lcm_url, *mesh_url;
     // Shape of a press, sine or poke; its touch_z_m is computed later from the mesh.
     kn_tool_path_def shape;
     int drop_at_ms, drop_ms, tries;
@@ -74,6 +75,7 @@ static const char help[] =
     "  --control PATH   control socket of kneadd (default: KNEAD_CONTROL of the environment, "
     "else " KN_LIVE_SERVER_CONTROL ")\n"
     "  --csv FILE       write one row per force, with the columns of knead replay --csv\n"
+    "  --png FILE       draw the force against time and against depth (needs gnuplot)\n"
     "  --motors FILE    write a CSV with one row per ms of the device's clock, even if no force was received.\n"
     "                   A row has the position of the device and the force of its motors\n"
     "  --tries N        number of tries, 1 to 3 (default: 3)\n"
@@ -181,6 +183,7 @@ static const kn_option rows[] = {
     KN_OPTION("record", TEXT, AT(record)),
     KN_OPTION("control", TEXT, AT(control)),
     KN_OPTION("csv", TEXT, AT(csv)),
+    KN_OPTION("png", TEXT, AT(png)),
     KN_OPTION("motors", TEXT, AT(motors)),
     KN_OPTION("tries", INTEGER, AT(tries), KN_RANGE(1, KN_HAND_TRIES)),
     KN_OPTION("drop-at", SPECIAL, .take = take_drop),
@@ -563,6 +566,33 @@ static bool write_csv(const probe *p, const char *path, bool motors)
     return kn_output_close(&out, "probe") == KN_EXIT_OK;
 }
 
+// Draw the contact force against time and against depth. Return the exit code.
+static int draw(const probe *p)
+{
+    int code;
+    FILE *f = kn_plot_open("probe", p->opt.png, 1200, 480, &code);
+    if (!f) return code;
+    fputs("set datafile separator comma\n$csv << END\n", f);
+    kn_session_report_csv(f, &p->player.hand, p->record, p->tool->name);
+    fputs("END\n"
+          "stats $csv using 'contact_fz_n' nooutput name 'force'\n"
+          "stats $csv using (column('contacts') > 0 ? column('z_m') : NaN) nooutput name 'z'\n"
+          "held(force) = column('z_m') < z_min + 1e-6 ? force : NaN\n",
+          f);
+    char title[300];
+    snprintf(title, sizeof title, "%s of %s, tool %s", p->opt.path, p->scene->name, p->tool->name);
+    fputs("set multiplot layout 1,2 title ", f);
+    kn_plot_quote(f, title);
+    fputs("\nset key top right\nset ylabel 'contact force, N'\nset yrange [*<0:1.08*force_max]\nset xlabel 'time, s'\n"
+          "plot $csv using 'time_s':'contact_fz_n' with lines lt 1 title 'moving', "
+          "'' using 'time_s':(held(column('contact_fz_n'))) with lines lt 2 lw 3 title 'deepest'\n"
+          "set xlabel 'depth below first touch, mm'\nset xrange [0:*]\n"
+          "plot $csv using (1e3*(z_max - column('z_m'))):'contact_fz_n' with lines lt 1 notitle, "
+          "'' using (1e3*(z_max - column('z_m'))):(held(column('contact_fz_n'))) with lines lt 2 lw 3 notitle\n",
+          f);
+    return kn_plot_close(f, "probe", p->opt.png);
+}
+
 // Find out whether kneadd still sends meshes, to explain missing answers.
 static const char *why_unanswered(probe *p)
 {
@@ -667,11 +697,12 @@ static int finish(probe *p)
         kn_safety_init(&limited, &p->scene->limits);
         double scale = limited.limits.force_scale;
         tell_result(p, &report);
-        kn_session_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n / scale);
-        if (scale != 1.0) printf("  hand's share    %8.2f N    at most, force_scale %g\n", report.given_peak_n, scale);
+        kn_session_report_print_link(stdout, &report);
         printf("  cycles missed   %8lld      by kneadd, %d by this device\n", (long long)report.missed,
                atomic_load(&p->device.missed));
         if (p->opt.gripped) print_grasp(&p->grasp);
+        if (scale != 1.0) printf("  hand's share    %8.2f N    at most, force_scale %g\n", report.given_peak_n, scale);
+        kn_session_report_print(stdout, &report, &p->player.hand, limited.limits.clamp_n / scale);
     }
     // If the device buzzed or drove the hand, the check has failed.
     if (code == KN_EXIT_OK && p->opt.gripped && (p->grasp.news.buzzes || p->grasp.news.drives)) code = KN_EXIT_FAILED;
@@ -679,6 +710,10 @@ static int finish(probe *p)
         fprintf(stderr, "knead probe: %s has gaps: %lld records were lost\n", p->opt.record, (long long)report.lost);
     if (p->opt.csv && !write_csv(p, p->opt.csv, false)) code = KN_EXIT_DEVICE;
     if (p->opt.motors && !write_csv(p, p->opt.motors, true)) code = KN_EXIT_DEVICE;
+    if (p->opt.png && report.contact_s > 0.0) {
+        int drawn = draw(p);
+        if (drawn != KN_EXIT_OK) code = drawn;
+    }
     return code;
 }
 

@@ -274,7 +274,7 @@ function show(now) {
     shownAt = performance.now();
     say(now.level, now.status);
     write($('force'), now.force_n.toFixed(now.force_n < 9.995 ? 2 : 1));
-    write($('pressed'), now.depth_mm.toFixed(1));
+    write($('pressed'), now.contact || !now.depth_mm ? now.depth_mm.toFixed(1) : '–'); // beside the object there is no depth
     write($('contact'), now.contact ? 'touching' : 'none');
     $('readings').classList.toggle('touching', now.contact);
     // During a press, keep the slider's maximum: deepest_mm is then only the depth that is left below the tool.

@@ -1,6 +1,7 @@
 #include "clients/web/control_client.h"
 #include "clients/hand/live_server.h"
 #include "core/scene/scene.h"
+#include "server/store.h"
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>
@@ -243,9 +244,12 @@ static void tell_done(kn_control_client *c, const kn_control_call *call, const j
     case KN_VERB_SNAPSHOT:
         c->snapshot = generation;
         of_what(c, c->snapshot_of);
-        DONE("Snapshot %lld saved.", generation);
+        DONE("Snapshot %lld saved.", generation / KN_STORE_OWN);
         break;
-    case KN_VERB_RESTORE: DONE("Snapshot %lld restored.", generation); break;
+    case KN_VERB_RESTORE:
+        if (generation % KN_STORE_OWN) DONE("The server's newest snapshot restored.");
+        else DONE("Snapshot %lld restored.", generation / KN_STORE_OWN);
+        break;
     case KN_VERB_ESTOP: DONE("Stopped. All forces are zero until you press Recover."); break;
     case KN_VERB_RECOVER: DONE("Recovered. The tool acts again once it has been lifted off the object."); break;
     case KN_VERB_SCENE: DONE("Loading the scene."); break;

@@ -96,6 +96,9 @@ static int64_t share_us(const int64_t histogram[32], double share)
 
 static bool stale(int64_t heard_ms) { return !heard_ms || kn_live_server_now_ms() - heard_ms > STALE_MS; }
 
+// Return true if the tool is in contact with a force that the page shows. Beside an edge a contact can carry none.
+static bool touches(const kn_pointer_hand_news *n) { return n->contact && n->force_n >= 0.005; }
+
 // Write the status of the tool in words. Return the kind of the status: "ok", "wait" or "fault". The first condition
 // that holds decides.
 static const char *status(const kn_web *w, int page, char *words, size_t size)
@@ -137,7 +140,7 @@ static const char *status(const kn_web *w, int page, char *words, size_t size)
         SAY("wait", "to grip, look at a side of the object: press Front, Side or Corner");
     if (w->tool.button == KN_BUTTON_BESIDE) SAY("wait", "nothing is under the tool here");
     if (n->flags & KN_FLAG_CLAMPED) SAY("ok", "in contact; the force is at the device's limit");
-    if (n->contact) SAY("ok", "in contact");
+    if (touches(n)) SAY("ok", "in contact");
     SAY("ok", w->tool.button == KN_BUTTON_UP  ? "ready: press on the object"
               : grips && !w->tool.grip.closes ? "both tools move beside the object"
               : grips                         ? "move the fingers together to grip"
@@ -321,7 +324,7 @@ size_t kn_page_state_write(void *self, int page, uint8_t *bytes, size_t size)
         ",\"force_n\":%.3f,\"depth_mm\":%.2f,\"deepest_mm\":%.1f,\"contact\":%s,\"mine\":%s,\"level\":\"%s\"",
         p->sent, w->live.mesh.tick, w->tool.hand[0].news.force_n, 1e3 * w->tool.hand[0].news.depth_m,
         w->tool.hand[0].moving ? 1e3 * kn_pointer_hand_reach_deepest(&w->tool.hand[0].reach, &w->tool.hand[0].wish) : 0,
-        w->tool.hand[0].news.contact ? "true" : "false", w->tool.owner == page ? "true" : "false", level);
+        touches(&w->tool.hand[0].news) ? "true" : "false", w->tool.owner == page ? "true" : "false", level);
     put_words(&t, "status", words);
     put_traces(w, p, &t);
     put_answers(p, &t);

@@ -56,7 +56,7 @@ row() {
     pause 0.2 # its own restore is done by then
     for file in state/*.knead; do # the newest comes last
         for tries in 1 2 3; do # the server may answer that it was too busy
-            ctl restore $((10#$(cut -d. -f3 <<<"$file"))) >/dev/null 2>why && good=1 && break
+            ctl restore "$file" >/dev/null 2>why && good=1 && break
             good=0
             pause 1
         done

@@ -31,7 +31,7 @@ check "the requested snapshots are kept as read-only files: $(find kept -name '*
 check "the finger felt the dough" grep -qE "peak contact force ([1-9]|0\.[1-9])" said
 check "two dents are two different states: $first $second" [ -n "$(state "$first")" -a "$(state "$first")" != "$(state "$second")" ]
 check "the first state was restored" [ "$restored" = "$(state "$first")" ]
-check "the newest state was restored: $newest" grep -q '^restore: generation [0-9]*, tick' <<<"$newest"
+check "the newest state was restored: $newest" grep -q '^restore: snapshot 2, tick' <<<"$newest"
 check "the third press was undone: $undone" grep -q '^undo: tick' <<<"$undone"
 check "the restore was undone after the press: $again" grep -q '^undo: tick' <<<"$again"
 check "with the snapshots the log replays over presses, restores and undos: $(tail -1 said)" [ -s said -a ! -s err ]
