@@ -6,6 +6,7 @@
 #include "server/daemon.h"
 #include "server/console.h"
 #include "server/option_table.h"
+#include "server/scene_name.h"
 #include <arpa/inet.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,44 +14,46 @@
 #include <unistd.h>
 
 static const char usage[] =
-    "usage: kneadd --scene FILE [--set KEY=VALUE]... [--lcm-url URL] [--mesh-url URL] [--realtime auto|require|off]\n"
-    "              [--phase lock|free] [--quality NAME] [--backend cpu|fixed|DEVICE] [--threads 1|2] [--local-model]\n"
-    "              [--touch] [--control PATH] [--state-dir DIR] [--trace FILE] [--key FILE] [--lan IFACE] "
-    "[--peer ADDRESS]...\n"
-    "\n"
-    "  --scene FILE      serve this scene, the object and its probes (YAML); knead check FILE shows its cost\n"
-    "  --set KEY=VALUE   override a key of the scene, e.g. material.k1='300 gf/cm^3'; knead check --keys lists them\n"
+    "usage: kneadd [SCENE] [OPTION]...\n\n"
+    "Serve one object to haptic devices and virtual hands: receive their poses over LCM, step the object once a\n"
+    "millisecond, and send back the forces. SIGINT or SIGTERM fade the forces to zero and end kneadd.\n\n"
+    "  SCENE             the object and its tools: a file, or a scene of Knead by its name, such as clay or liver;\n"
+    "                    knead check SCENE describes it (default: dough)\n"
+    "  --set KEY=VALUE   set a key of the scene, e.g. material.k1='300 gf/cm^3'; knead check --keys lists the keys\n"
     "  --quality NAME    use this quality point of the scene: fast, balanced, accurate or own (its solver settings)\n"
-    "  --lcm-url URL     bus of poses, forces, status (default: LCM_DEFAULT_URL, else " KN_LCM_URL ")\n"
-    "  --mesh-url URL    bus of meshes (default: " KN_MESH_URL ")\n"
-    "  --realtime MODE   auto: use the real-time priority and the locked memory that the machine grants, and report\n"
-    "                    what it refuses; require: exit 3 if it refuses any; off: request neither (default: auto)\n"
-    "  --phase MODE      lock: ticks follow the poses of the first engaged tool, and a pose waits only tens of us;\n"
-    "                    free: ticks do not follow the poses (default: lock)\n"
-    "  --threads N       step the lattice with 1 or 2 threads, each on a processor of its own; the bits are the same;\n"
-    "                    knead check FILE shows what the second one brings (default: the scene's, else 1)\n"
-    "  --backend WHERE   step the lattice on the processor or on a circuit. cpu: the processor, the scene's solver;\n"
-    "                    fixed: the processor, with the integer arithmetic of the circuit in hdl. A circuit:\n"
-    "                    uart:/dev/ttyUSB0?baud=3000000, pty:PATH, pcie:0000:01:00.0 or shm:NAME; if it is lost, its\n"
-    "                    twin on the processor continues with the same bits (default: cpu)\n"
     "  --local-model     publish a local contact model of every tool as KNEAD_CONTACT_<probe>, for clients behind a\n"
     "                    slow link\n"
     "  --touch           publish touch patches of every tool as KNEAD_TOUCH_<probe>, 250 Hz, for fingertip displays\n"
-    "  --control PATH    open a control socket at PATH for knead ctl: status, reset, snapshot, undo, set, load, estop\n"
-    "                    and others\n"
-    "  --state-dir DIR   save the object in DIR, at most every 0.5 s, and start with the newest snapshot of\n"
-    "                    the scene; an emergency stop then also outlasts a restart (default: no saving, no restoring)\n"
+    "\ncontrol and state:\n"
+    "  --control PATH    open a control socket at PATH, for knead ctl\n"
+    "  --state-dir DIR   save the object in DIR, at most every 0.5 s, and start with the scene's newest snapshot.\n"
+    "                    An emergency stop then also outlasts a restart (default: neither save nor restore)\n"
     "  --trace FILE      write a CSV row per tick and probe: when the pose arrived, the tick began, the lattice was\n"
     "                    stepped and the force was ready\n"
-    "  --key FILE        accept only poses signed with this key (64 hexadecimal digits, mode 0600); sign forces, too\n"
+    "\nmachine:\n"
+    "  --realtime auto|require|off\n"
+    "                    auto: use the real-time priority and the locked memory that the machine grants, and report\n"
+    "                    what it refuses. require: exit 3 if it refuses any. off: request neither (default: auto)\n"
+    "  --phase lock|free lock: ticks follow the poses of the first engaged tool, and a pose waits only tens of us.\n"
+    "                    free: ticks do not follow the poses (default: lock)\n"
+    "  --threads 1|2     threads that step the lattice, each on a processor of its own. The results are the same.\n"
+    "                    knead check shows what the second one brings (default: the scene's, else 1)\n"
+    "  --backend cpu|fixed|DEVICE\n"
+    "                    cpu: the processor, with the scene's solver. fixed: the processor, with the integer\n"
+    "                    arithmetic of the circuit in hdl. DEVICE, a circuit: uart:/dev/ttyUSB0?baud=3000000,\n"
+    "                    pty:PATH, pcie:0000:01:00.0 or shm:NAME. If the circuit is lost, the processor continues "
+    "with\n"
+    "                    the same results (default: cpu)\n"
+    "\nnetwork:\n"
+    "  --lcm-url URL     bus of poses, forces, status (default: LCM_DEFAULT_URL, else " KN_LCM_URL ")\n"
+    "  --mesh-url URL    bus of meshes (default: " KN_MESH_URL ")\n"
     "  --lan IFACE       serve the network of this interface, not only this machine; needs --key or --peer, and URLs\n"
     "                    with ttl=1\n"
-    "  --peer ADDRESS    accept poses from this address only; may be given up to 16 times; no authentication, because\n"
-    "                    an address can be forged\n"
-    "  --help, --version\n"
-    "\n"
-    "SIGINT or SIGTERM: forces go to zero, then exit 0.\n"
-    "Exit codes: 2 bad input, 3 the machine refuses something that kneadd needs.\n";
+    "  --key FILE        accept only poses signed with this key (64 hexadecimal digits, mode 0600); sign forces, too\n"
+    "  --peer ADDRESS    accept poses from this address only; may be given up to 16 times. This is no authentication,\n"
+    "                    because an address can be forged\n"
+    "  --help, --version\n\n"
+    "Exit codes: 0 stopped, 2 bad input, 3 the machine refuses something that kneadd needs.\n";
 
 typedef struct options {
     kn_daemon_def def;
@@ -100,7 +103,7 @@ static int run(int argc, char **argv, const char **sets)
 {
 #define AT(member) .offset = offsetof(options, member)
     static const kn_option rows[] = {
-        KN_OPTION("scene", TEXT, AT(def.object.scene_path)),
+        KN_OPTION("scene", RENAMED, .expected = "kneadd SCENE"),
         KN_OPTION("set", LIST, AT(sets), .count = offsetof(options, def.object.set_count)),
         KN_OPTION("lcm-url", TEXT, AT(def.lcm_url)),
         KN_OPTION("mesh-url", TEXT, AT(def.mesh_url)),
@@ -130,12 +133,16 @@ static int run(int argc, char **argv, const char **sets)
     const int code = kn_options_read(&table, &o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     // Check combinations of options before anything is opened.
-    if (optind < argc) return bad(argv[optind], "options only, the scene as --scene FILE");
+    const bool given = optind < argc;
+    const char *name = given ? argv[optind++] : "dough", *expected = kn_scene_take(&def->object.scene_path, name);
+    if (optind < argc) return bad(argv[optind], "options after the one SCENE");
+    if (expected) return bad(name, expected);
     if (def->lan && !def->key && def->peers == 0)
         return bad("--lan", "--key FILE or --peer ADDRESS as well: on a network anybody could move the tool");
     if (def->peers > 0 && !def->lan) return bad("--peer", "--lan IFACE as well");
-    if (!def->object.scene_path) return bad("no scene", "--scene FILE");
     if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "kneadd: %s\n", why), 3;
+    if (!given) puts("kneadd: dough is served, because no SCENE is given");
+    fflush(stdout);
     return kn_daemon_run(def);
 }
 

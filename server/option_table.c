@@ -148,8 +148,8 @@ static void describe(const kn_option_table *t, struct option *list, char *letter
     letters += sprintf(letters, "%s%s%s", t->options_first ? "+" : "", t->unknown ? ":" : "", t->short_help ? "h" : "");
     for (int i = 0; i < t->options; i++) {
         const kn_option *o = &t->option[i];
-        const bool value = o->kind > KN_OPTION_ANSWER;
-        list[n++] = (struct option){o->name, value, NULL, FIRST + i};
+        const bool value = o->kind > KN_OPTION_RENAMED;
+        list[n++] = (struct option){o->name, o->kind == KN_OPTION_RENAMED ? optional_argument : value, NULL, FIRST + i};
         if (o->letter) letters += sprintf(letters, "%c%s", o->letter, value ? ":" : "");
     }
     list[n++] = (struct option){"help", 0, NULL, HELP};
@@ -229,6 +229,7 @@ int kn_options_read(const kn_option_table *t, void *to, int argc, char **argv)
         // If only other commands have this option (`belongs`), refuse it as unknown.
         if (!o || (o->belongs && !strchr(o->belongs, t->experiment)))
             return refuse(t, program, "%s: %s", stopped_at(c, argv), c == ':' ? "expected a value" : t->unknown);
+        if (o->kind == KN_OPTION_RENAMED) return refuse(t, program, "--%s is now %s", o->name, o->expected);
         if (t->no_empty && optarg && !*optarg) return refuse(t, program, "--%s '': expected a value", o->name);
         if (o->given) *(bool *)((char *)to + o->given) = true;
         const char *expected = (o->items ? take_items : take)(o, to, optarg, made), *quote = t->quotes ? "'" : "";

@@ -30,6 +30,7 @@ typedef enum kn_option_kind { // type of an option's field in the struct, and va
     KN_OPTION_SET,            // int: set to `least`; the option has no value
     KN_OPTION_CALL,           // no field: the function `call` is called; the option has no value
     KN_OPTION_ANSWER,         // no field: `call` prints an answer, then the program ends with exit code 0; no value
+    KN_OPTION_RENAMED,        // no field: the option is refused, and the message names the new spelling `expected`
     KN_OPTION_TEXT,           // const char *: the text itself, never empty if `expected` is set
     KN_OPTION_NUMBER,         // double: a number without unit, as in a scene (kn_number_take)
     KN_OPTION_REAL,           // double: a number that strtod accepts

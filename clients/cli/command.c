@@ -1,4 +1,5 @@
 #include "clients/cli/command.h"
+#include "server/scene_name.h"
 #include <math.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -16,6 +17,12 @@ int kn_complain(const char *subcommand, int code, const char *format, ...)
     kn_message_print(program, false, format, args);
     va_end(args);
     return code;
+}
+
+int kn_command_scene(const char *subcommand, const char **path, const char *text)
+{
+    const char *expected = kn_scene_take(path, text);
+    return expected ? kn_complain(subcommand, KN_EXIT_USAGE, "%s: expected %s", text, expected) : KN_EXIT_OK;
 }
 
 volatile int kn_interrupted;

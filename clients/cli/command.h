@@ -19,6 +19,10 @@ enum { // exit codes of all programs of this project
 // KN_EXIT_*, unchanged.
 __attribute__((format(printf, 3, 4))) int kn_complain(const char *subcommand, int code, const char *format, ...);
 
+// Set *path to the scene that an argument means (kn_scene_take). Return KN_EXIT_OK, or print an error message and return
+// KN_EXIT_USAGE.
+int kn_command_scene(const char *subcommand, const char **path, const char *text);
+
 // Handling of the signals SIGINT (Ctrl-C), SIGHUP (hang-up) and SIGTERM in a program that has something to clean up.
 // Call kn_interrupt_watch before creating the first file or process that needs to be cleaned up. After the clean-up
 // call kn_interrupt_die. It ends the process by the received signal, so that the parent process sees which signal ended

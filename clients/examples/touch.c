@@ -1,4 +1,4 @@
-// Touch the dough of a running kneadd (kneadd --scene core/scenes/dough-small.yaml), in C or C++; touch.py and touch.js do
+// Touch the dough of a running kneadd (kneadd dough-small), in C or C++; touch.py and touch.js do
 // the same. For a haptic device of your own, replace the places (1) (2) (3). From the top of the source tree:
 //     cc -I clients -o build/touch clients/examples/touch.c -lm && build/touch
 #include "knead_hand.h"

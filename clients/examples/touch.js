@@ -1,4 +1,4 @@
-// Touch the dough of a running kneadd (kneadd --scene core/scenes/dough-small.yaml); touch.c and touch.py do the same.
+// Touch the dough of a running kneadd (kneadd dough-small); touch.c and touch.py do the same.
 const { Hand } = require('../knead_hand.js')
 
 async function main() {

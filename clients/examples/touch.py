@@ -1,4 +1,4 @@
-# Touch the dough of a running kneadd (kneadd --scene core/scenes/dough-small.yaml); touch.c and touch.js do the same.
+# Touch the dough of a running kneadd (kneadd dough-small); touch.c and touch.js do the same.
 import math
 
 import knead

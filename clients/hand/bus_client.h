@@ -25,7 +25,7 @@
 #define KN_MESH_URL "udpm://239.255.76.67:7668?ttl=0"
 // Largest size of a message that is sent in parts, bytes. A mesh of 2^20 triangles needs 12 MiB.
 #define KN_BUS_CLIENT_LARGEST (16 << 20)
-#define KN_BUS_CLIENT_ASK "is kneadd running on this bus? (server/run, or kneadd --scene core/scenes/dough.yaml)"
+#define KN_BUS_CLIENT_ASK "is kneadd running on this bus? (server/run, or kneadd dough)"
 // Largest number of datagrams that one call of kn_bus_client_handle processes.
 #define KN_BUS_CLIENT_TURN 256
 

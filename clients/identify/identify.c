@@ -6,6 +6,7 @@
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
 #include "core/scene/keys.h"
+#include "server/scene_name.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -94,7 +95,7 @@ static const kn_option rows[] = {
     KN_OPTION("serve", SPECIAL, AT(serve), .take = take_structure, .belongs = "c"),
     KN_OPTION("spacing", QUANTITY, AT(spacing_m), SI("m"), .expected = "a length like '5 mm'", .belongs = "c"),
     KN_OPTION("anyway", FLAG, AT(anyway), .belongs = "cp"),
-    KN_OPTION("object", TEXT, AT(object), .belongs = "p"),
+    KN_OPTION("object", SPECIAL, AT(object), .take = kn_scene_take, .belongs = "p"),
     KN_OPTION("tool", TEXT, AT(tool), .belongs = "p"),
     KN_OPTION("creep", LIST, AT(creep), .count = offsetof(kn_identify_options, creeps), .belongs = "p"),
     KN_OPTION("held", LIST, AT(held), .count = offsetof(kn_identify_options, helds), .belongs = "p"),

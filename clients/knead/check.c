@@ -661,8 +661,9 @@ static int run(options *o, int argc, char **argv)
     if (o->json && (o->log || o->text))
         return kn_complain("check", KN_EXIT_USAGE, "--json: expected neither --log nor --text with it");
     if (o->json) kn_result_open();
-    if (o->log) return check_log(argv[optind], o->log, o->sets, o->count);
-    return check(argv[optind], o->sets, o->count, o->text);
+    const char *path;
+    if (kn_command_scene("check", &path, argv[optind]) != KN_EXIT_OK) return KN_EXIT_USAGE;
+    return o->log ? check_log(path, o->log, o->sets, o->count) : check(path, o->sets, o->count, o->text);
 }
 
 int kn_check_main(int argc, char **argv)

@@ -5,6 +5,7 @@
 #include "server/store.h"
 #include "server/clock.h"
 #include "server/option_table.h"
+#include "server/scene_name.h"
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -208,8 +209,6 @@ static void add_argument(json_t *request, const char *command, const char *argum
         kn_scene_take(&argument, argument);
         json_object_set_new(request, "scene", absolute(argument));
     } else if (strcmp(command, "restore") != 0) json_object_set_new(request, "name", json_string(argument));
-    else if (ends_in(argument, KN_STORE_SUFFIX) && sscanf(generation_in(argument), "%18lld", &number) == 1)
-        json_object_set_new(request, "generation", json_integer(number));
     else if (sscanf(argument, "%18lld%c", &number, &end) == 1)
         json_object_set_new(request, "generation",
                             json_integer(number < KN_STORE_OWN ? number * KN_STORE_OWN : number));

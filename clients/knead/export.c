@@ -10,6 +10,7 @@
 #include "clients/viewer/beside.h"
 #include "core/algebra/algebra.h"
 #include "server/option_table.h"
+#include "server/scene_name.h"
 #include "server/log_replay.h"
 #include <ctype.h>
 #include <errno.h>
@@ -22,7 +23,7 @@
 
 static const char help[] =
     "usage: knead export LOG --vtk DIR [OPTION]...        export a recording, stepped through the daemon's servo\n"
-    "       knead export --scene F --vtk DIR [OPTION]...  export the object of a scene at rest\n\n"
+    "       knead export --scene S --vtk DIR [OPTION]...  export the object of a scene at rest\n\n"
     "Writes an object as files for other programs, in SI units. The name of each quantity ends with its unit.\n"
     "At least one of the outputs --vtk, --ply, --csv and --mcap is required:\n\n"
     "  --vtk DIR          files for ParaView and VTK: object.pvd and edges.pvd.\n"
@@ -182,7 +183,7 @@ static int check_outputs(const options *o)
 // Check that the given options can be combined.
 static int check(options *o)
 {
-    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene F; see knead export --help");
+    if (!o->log && !o->scene) REFUSE("expected a LOG or --scene SCENE; see knead export --help");
     if (o->log && o->scene)
         REFUSE("--scene %s: expected either a log or a scene, because a log contains its scene", o->scene);
     if (!o->vtk && !o->ply && !o->csv && !o->mcap) REFUSE("expected --vtk DIR, --ply PATH, --csv FILE or --mcap FILE");
@@ -207,7 +208,7 @@ static int parse(int argc, char **argv, options *o)
         KN_OPTION("ply", TEXT, AT(ply)),
         KN_OPTION("csv", TEXT, AT(csv)),
         KN_OPTION("mcap", TEXT, AT(mcap)),
-        KN_OPTION("scene", TEXT, AT(scene)),
+        KN_OPTION("scene", SPECIAL, AT(scene), .take = kn_scene_take),
         KN_OPTION("from", NUMBER, AT(from_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
         KN_OPTION("to", NUMBER, AT(to_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
         KN_OPTION("every", NUMBER, AT(every_s), KN_RANGE(0.001, 1e9), SPACED,

@@ -24,7 +24,7 @@ static const char help[] =
     "A hand presses the scene's first tool into the object and sends 1000 poses a second.\n"
     "A kneadd with its own buses is started for the measurement.\n"
     "In the same milliseconds an LCM echo, without kneadd, answers the same messages for comparison.\n\n"
-    "  SCENE             scene to serve (default: dough.yaml, as installed or in the source tree; 847 nodes)\n"
+    "  SCENE             scene to serve (default: dough, 847 nodes)\n"
     "  --seconds N       measure for N seconds, 1 to 3600 (default: 10)\n"
     "  --phase MODE      lock or free: kneadd's --phase (default: lock)\n"
     "  --lcm-url URL     measure the kneadd that already serves URL, with the tool in the air 5 cm above the object.\n"
@@ -90,7 +90,7 @@ static int parse(options *o, int argc, char **argv)
     if (code != KN_OPTIONS_READ) return code;
     o->seconds = trunc(o->seconds);
     // The only argument that is not an option is the scene.
-    if (optind < argc) o->scene = argv[optind++];
+    if (optind < argc && kn_command_scene("latency", &o->scene, argv[optind++]) != KN_EXIT_OK) return KN_EXIT_USAGE;
     if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
     if (o->phase && strcmp(o->phase, "lock") && strcmp(o->phase, "free"))
         return kn_complain("latency", KN_EXIT_USAGE, "--phase %s: expected lock or free", o->phase);
@@ -101,20 +101,6 @@ static int parse(options *o, int argc, char **argv)
     if (o->url && !kn_bus_client_check(o->url, KN_FORCE_URL, error, sizeof error))
         return kn_complain("latency", KN_EXIT_USAGE, "%s", error);
     return code;
-}
-
-// Find the file of the default scene, starting from the folder of this program. The file is in an installation or in
-// the source tree of the build.
-static const char *default_scene(char path[PATH_MAX])
-{
-    static const char *const places[] = {"../share/knead/scenes/dough.yaml", "../../../core/scenes/dough.yaml"};
-    ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - 64);
-    char *slash = n > 0 ? memrchr(path, '/', (size_t)n) : NULL;
-    for (size_t i = 0; slash && i < sizeof places / sizeof *places; i++) {
-        strcpy(slash + 1, places[i]);
-        if (access(path, R_OK) == 0) return path;
-    }
-    return "core/scenes/dough.yaml";
 }
 
 // Receive the scene from a kneadd that is already running.
@@ -211,8 +197,9 @@ int kn_latency_main(int argc, char **argv)
     // Check first that the output files can be written, because a measurement may take an hour.
     if (o.json && (code = kn_output_try("latency", o.json)) != KN_EXIT_OK) return code;
     if (o.plot && (code = kn_plot_try("latency", o.plot)) != KN_EXIT_OK) return code;
-    char place[PATH_MAX], error[512] = "";
-    const char *path = o.scene ? o.scene : default_scene(place);
+    char error[512] = "";
+    const char *path = o.scene;
+    if (!path && kn_command_scene("latency", &path, "dough") != KN_EXIT_OK) return KN_EXIT_USAGE;
     kn_scene *scene = o.url ? ask_scene(o.url, error, sizeof error) : kn_scene_load(path, NULL, 0, error, sizeof error);
     if (!scene) return kn_complain("latency", o.url ? KN_EXIT_DEVICE : KN_EXIT_USAGE, "%s", error);
     if (scene->model.probe_count > 0) {

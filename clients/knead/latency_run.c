@@ -394,8 +394,8 @@ int kn_latency_served_start(kn_latency_served *s, const char *scene, const char 
     if (s->trace < 0 || pipe2(pipes, O_CLOEXEC) != 0)
         return kn_complain("latency", KN_EXIT_DEVICE, "no pipe to kneadd: %s", strerror(errno));
     snprintf(trace, sizeof trace, "/proc/self/fd/%d", s->trace);
-    char *argv[] = {"kneadd",    "--scene", (char *)scene, "--lcm-url", s->url, "--mesh-url",
-                    s->mesh_url, "--phase", (char *)phase, "--trace",   trace,  NULL};
+    char *argv[] = {"kneadd",  (char *)scene, "--lcm-url", s->url, "--mesh-url", s->mesh_url,
+                    "--phase", (char *)phase, "--trace",   trace,  NULL};
     s->pid = spawn(find_kneadd(program), argv, pipes[1]);
     close(pipes[1]);
     // Wait for the first line of kneadd's output, which kneadd prints as soon as it serves the scene.

@@ -183,12 +183,13 @@ static int parse(replay_options *opt, int argc, char **argv)
     int files = argc - optind;
     if (files != 1 && files != 2)
         return kn_complain("replay", KN_EXIT_USAGE, "expected [SCENE] LOG; see knead replay --help");
-    if (files == 2) opt->def.scene_path = argv[optind];
     if (files == 2 && is_log(argv[optind]))
         return kn_complain(
             "replay", KN_EXIT_USAGE,
             "%s: is a log, expected a scene before the log %s; --verify compares with the forces in that log",
             argv[optind], argv[argc - 1]);
+    if (files == 2 && kn_command_scene("replay", &opt->def.scene_path, argv[optind]) != KN_EXIT_OK)
+        return KN_EXIT_USAGE;
     opt->def.log_path = argv[argc - 1];
     opt->def.sets = opt->sets;
     return complete_solver(opt) ? KN_EXIT_USAGE : code;

@@ -8,6 +8,7 @@
 #include "clients/cli/curve_table.h"
 #include "clients/hand/haptic_loop.h"
 #include "server/option_table.h"
+#include "server/scene_name.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,7 +27,7 @@ static const char help[] =
     "  --hand HAND       none, light, normal or firm; none: no arm, a force of 1 N pushes the device (default: none)\n"
     "  --material M      wall, dough, clay, jelly or stiff-jelly: object under a 1 cm probe (default: wall).\n"
     "                    Without a hand only the wall is possible\n"
-    "  --scene FILE      use the lattice of a scene instead, with a tool pressed onto its middle; takes minutes\n"
+    "  --scene SCENE     use the lattice of a scene instead, with a tool pressed onto its middle; takes minutes\n"
     "  --probe NAME      tool of that scene (default: the first that can be coupled)\n"
     "  --quick           fewer delays, frictions and couplings: a second or two\n"
     "  --csv FILE        write the table\n"
@@ -242,7 +243,7 @@ static int parse(zwidth *z, int argc, char **argv)
         KN_OPTION("csv", TEXT, AT(csv)),
         KN_OPTION("plot", TEXT, AT(plot)),
         KN_OPTION("json", CALL, .call = kn_result_open),
-        KN_OPTION("scene", TEXT, AT(scene_path)),
+        KN_OPTION("scene", SPECIAL, AT(scene_path), .take = kn_scene_take),
         KN_OPTION("probe", TEXT, AT(tool)),
     };
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,

@@ -7,6 +7,7 @@
 #include "clients/picture/view_panels.h"
 #include "clients/viewer/offscreen.h"
 #include "core/scene/keys.h"
+#include "server/scene_name.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -24,7 +25,7 @@ static const char help[] =
     "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n\n"
     "  --at SECONDS|end   time in the recording, counted from the beginning of its first session; 1,3,end: three\n"
     "                     pictures side by side (default: end)\n"
-    "  --scene FILE       scene of the snapshot; without a snapshot: draw the scene at rest\n"
+    "  --scene SCENE      scene of the snapshot; without a snapshot: draw the scene at rest\n"
     "  --size WxH         pixels, 16..4096 on each side; even numbers for a film. Several objects share the width,\n"
     "                     16 pixels or more for each (default: 1280x720 for one object; 640x480 for each of several,\n"
     "                     at most 1920x480 for all; 640x640 for a range image)\n"
@@ -132,7 +133,7 @@ static int check_files(kn_view_options *o, const char *out, const char *option)
                o->scene);
     for (int i = 0; i < o->file_count; i++)
         if (o->kind[i] == KN_VIEW_SNAPSHOT && !o->scene)
-            REFUSE("%s: is a snapshot, expected --scene FILE with its scene", o->file[i]);
+            REFUSE("%s: is a snapshot, expected --scene SCENE with its scene", o->file[i]);
     // --scene alone shows the scene at rest.
     if (o->scene && o->file_count == 0) o->file[o->file_count] = o->scene, o->kind[o->file_count++] = KN_VIEW_SCENE;
     return KN_EXIT_OK;
@@ -254,7 +255,7 @@ static const kn_option rows[] = {
     KN_OPTION("azimuth", NUMBER, AT(azimuth_deg), KN_RANGE(-360, 360), .expected = "degrees, -360..360"),
     KN_OPTION("elevation", NUMBER, AT(elevation_deg), KN_RANGE(0, 90), .expected = "degrees, 0..90"),
     KN_OPTION("no-lines", SET, AT(look.style), .least = KN_VIEW_SOLID),
-    KN_OPTION("scene", TEXT, AT(scene)),
+    KN_OPTION("scene", SPECIAL, AT(scene), .take = kn_scene_take),
     KN_OPTION("wait", NUMBER, AT(wait_s), KN_RANGE(0, 3600), .expected = "seconds, 0..3600"),
     KN_OPTION("lcm-url", TEXT, AT(url)),
     KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
@@ -295,7 +296,8 @@ int kn_view_parse(int argc, char **argv, kn_view_options *o)
     for (; optind < argc; optind++) {
         if (o->file_count == KN_VIEW_FILES_MAX)
             REFUSE("%s: expected %d objects at most", argv[optind], KN_VIEW_FILES_MAX);
-        o->file[o->file_count++] = argv[optind];
+        // A name that is no scene is kept: the first bytes of a file tell its kind.
+        kn_scene_take(&o->file[o->file_count++], argv[optind]);
     }
     return check(o);
 }

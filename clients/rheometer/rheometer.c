@@ -107,7 +107,7 @@ static int take_expression(kn_rheometer *b)
         // An unknown name may be a misspelt material, so the error message also lists the materials.
         bool unknown = strncmp(error, missing, sizeof missing - 1) == 0;
         return kn_complain(opt->subcommand, KN_EXIT_USAGE, "%s%s%s%s", error, unknown ? "; or a material: " : "",
-                           unknown ? kn_library_names(names) : "", unknown ? "; or the file of a scene" : "");
+                           unknown ? kn_library_names(names) : "", unknown ? "; or a scene" : "");
     }
     kn_element_print(&b->net.element, b->net.element.root, true, parts);
     for (int i = 0; i < opt->param_count; i++) {

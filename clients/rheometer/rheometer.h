@@ -119,7 +119,8 @@ int kn_rheometer_main(const kn_experiment *experiment, kn_rheometer_options opt,
 #define KN_RHEOMETER_HELP                                                                                              \
     "the specimen, a 1 cm cube:\n"                                                                                     \
     "  MATERIAL          clay, dough, dough-lattice, fibrotic-liver, jelly, liver, putty, alone or with\n"             \
-    "                    -rheological, -viscoelastic, -plastic; or a scene file, for its material\n"                   \
+    "                    -rheological, -viscoelastic, -plastic; or a scene, for its material: a file, or a\n"          \
+    "                    name that is no material, such as bun\n"                                                      \
     "  --set KEY=VALUE   any key of a scene, e.g. material.k1='300 gf/cm^3'\n"                                         \
     "  EXPR              springs and dampers, e.g. '(s|d)-d', burgers; knead element --help explains the notation\n"   \
     "  --param P=VALUE   value of one part of EXPR; parts are s1, s2, .. d1, d2, .. in order of appearance:\n"         \

@@ -2,6 +2,8 @@
 #include "clients/cli/commands.h"
 #include "clients/cli/result.h"
 #include "clients/rheometer/rheometer.h"
+#include "core/scene/scene.h"
+#include "server/scene_name.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -128,7 +130,10 @@ int kn_rheometer_options_parse(kn_rheometer_options *opt, const char *subcommand
     if (argc - optind != 1)
         return kn_complain(subcommand, KN_EXIT_USAGE,
                            "expected one specimen, a material like dough or an expression like '(s|d)-d'; see --help");
+    // A material comes before a scene of the same name. What is neither is an expression.
+    int variant;
     opt->specimen = argv[optind];
+    if (!kn_library_find(opt->specimen, &variant)) kn_scene_take(&opt->specimen, argv[optind]);
     if (!opt->lattice[0] && (opt->table_sticks || opt->plate_slides))
         return kn_complain(subcommand, KN_EXIT_USAGE, "--table and --plate belong to --lattice, expected it too");
     return code;

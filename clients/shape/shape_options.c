@@ -96,7 +96,7 @@ static int check(kn_shape_options *o, int argc, char **argv)
 {
     if (argc - optind != 1)
         REFUSE("expected one scene%s; see knead identify shape --help", argc > optind ? ", and options" : "");
-    o->scene.scene_path = argv[optind];
+    if (kn_command_scene("identify shape", &o->scene.scene_path, argv[optind]) != KN_EXIT_OK) return KN_EXIT_USAGE;
     // At least one surface is needed. --at may give one time for each surface.
     const int surfaces = o->depths + (o->points != NULL);
     if (surfaces == 0) REFUSE("expected a shape: --depth IMAGE.png or --points FILE.csv");

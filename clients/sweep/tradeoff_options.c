@@ -134,7 +134,7 @@ int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv)
     if (code != KN_OPTIONS_READ || opt->job) return code;
     if (argc - optind != 2)
         return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; see knead tradeoff --help");
-    opt->scene = argv[optind];
+    if (kn_command_scene("tradeoff", &opt->scene, argv[optind]) != KN_EXIT_OK) return KN_EXIT_USAGE;
     opt->log = argv[optind + 1];
     if (opt->write && opt->set_count > 0)
         return kn_complain("tradeoff", KN_EXIT_USAGE,

@@ -4,6 +4,7 @@
 #include "clients/cli/commands.h"
 #include "clients/web/web.h"
 #include "server/option_table.h"
+#include "server/scene_name.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -31,7 +32,7 @@ static const char help[] =
     "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
     "  --control PATH     control socket of kneadd (its --control), needed for the operator's buttons, and for\n"
     "                     recordings of a kneaded object (default: none)\n"
-    "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: none)\n"
+    "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: the scenes of Knead)\n"
     "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n"
     "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND instead of serving the page; COMMAND\n"
@@ -293,7 +294,7 @@ static bool open_all(kn_web *w)
     w->picture.tool = w->recordings.tool = &w->tool;
     w->recordings.client = &w->client;
     w->client.path = w->control;
-    w->client.scenes = w->scenes;
+    w->client.scenes = w->scenes ? w->scenes : kn_scene_folder();
     w->client.changed = w->recordings.changed = kn_page_state_refresh;
     w->client.arg = w->recordings.arg = w->gateway.arg = w;
     w->tool.probe = w->probe;

@@ -250,6 +250,17 @@ static int distance(const char *a, const char *b)
     return row[n];
 }
 
+// Words that differ by this many edits or more are not similar.
+static int unlike(const char *word) { return strlen(word) > 4 ? 3 : 2; }
+
+bool kn_word_nearer(const char *wrong, const char *word, int *edits)
+{
+    const int now = distance(wrong, word);
+    if (now >= (*edits ? *edits : unlike(wrong))) return false;
+    *edits = now;
+    return true;
+}
+
 // Return the last name of a path: "k1" of "material.k1".
 static const char *leaf_of(const char *path) { return strrchr(path, '.') ? strrchr(path, '.') + 1 : path; }
 
@@ -302,8 +313,7 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
 {
     const char *name = leaf_of(path);
     size_t parent = (size_t)(name - path);
-    const int another = strlen(name) > 4 ? 3 : 2; // names that differ by this many edits or more are not similar
-    int least = another;
+    int least = unlike(name);
     // no key has a longer beginning in common with the wrong path than the whole wrong path; so at first a suggestion
     // gets better only by fewer edits
     size_t near = strlen(path);
@@ -313,7 +323,7 @@ const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX])
         if (sibling) consider(path, key->path, parent + strcspn(key->path + parent, "."), 0, &least, &near, text);
         consider(path, key->path, strlen(key->path), 1, &least, &near, text);
     }
-    if (least == another) list_below(path, parent, text);
+    if (least == unlike(name)) list_below(path, parent, text);
     return text;
 }
 

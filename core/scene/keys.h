@@ -367,4 +367,9 @@ const kn_key *kn_key_find(const char *path, bool *is_group);
 // of: k1, c1".
 const char *kn_key_suggest(const char *path, char text[KN_LINE_MAX]);
 
+// Compare a wrong word with a valid one, to find a suggestion for "did you mean ...?". Return true if `word` is similar
+// to `wrong`, and more so than all words that were compared before. *edits must be 0 before the first comparison; it
+// becomes the number of edits that turn `wrong` into the best word, and stays 0 if no word is similar.
+bool kn_word_nearer(const char *wrong, const char *word, int *edits);
+
 #endif

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Check every bad scene with knead check and with kneadd --scene. Each gives one line file:line:col on stderr, nothing
+# Check every bad scene with knead check and with kneadd. Each gives one line file:line:col on stderr, nothing
 # on stdout and exit code 2, within a second of processor time and 256 MB. No file is created.
 # gate in release: many runs of programs that start slowly with the sanitizers; fuzz.scene looks into the parser
 set -u
@@ -22,7 +22,7 @@ tell() {
 # beginning.
 refuses() {
     local program
-    for program in "knead check" "kneadd --realtime off --scene"; do
+    for program in "knead check" "kneadd --realtime off"; do
         [ "${program%% *}" = kneadd ] && [ $((count % every)) != 0 ] && continue
         tell "$1" $program
         [ "$said" = "$2" ] || { [ "${2: -1}" = : ] && [[ $said == "$2"* ]]; } && continue

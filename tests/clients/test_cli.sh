@@ -33,11 +33,11 @@ begins 2 'knead probe: `press`: expected options only' knead probe press
 begins 2 'knead probe: --wood: unknown option' knead probe --wood
 begins 2 'knead probe: --hold: expected a value' knead probe --hold
 begins 2 'kneadd: paper: expected --backend cpu, fixed, uart:, pty:, pcie: or shm:' kneadd --backend paper
-for command in 'kneadd --scene x' 'knead '{probe,hand,view,web,touch,ctl,replay}; do
-    for n in 10 15 30; do begins 3 "${command% --*}: Too many open files: " bash -c "ulimit -n $n; exec $command"; done
+for command in kneadd 'knead '{probe,hand,view,web,touch,ctl,replay}; do
+    for n in 10 15 30; do begins 3 "$command: Too many open files: " bash -c "ulimit -n $n; exec $command"; done
 done
 small=$KN_SOURCE/core/scenes/dough-small.yaml
-begins 2 "$small: --local-model: expected solver.kind implicit" kneadd --scene "$small" --local-model --set solver.kind=rk4 --set solver.dt='0.1 us'
+begins 2 "$small: --local-model: expected solver.kind implicit" kneadd "$small" --local-model --set solver.kind=rk4 --set solver.dt='0.1 us'
 [ "$(kneadd --version)" = "kneadd $(knead --version | cut -d' ' -f2)" ] || fail "kneadd --version: $(kneadd --version)"
 begins 2 'knead probe: --loss 1: expected a share below 1' knead probe --loss 1
 begins 2 'knead probe: --delay 1.5 ms: expected whole milliseconds, at most 255' knead probe --hand light --delay '1.5 ms'
@@ -54,6 +54,19 @@ begins 2 'knead probe: --path nope: expected press, sine, poke or a CSV file (No
 printf 'time_s,x_m,y_m,z_m\n0,0,0,0.05\n1,0,zero,0.05\n' >bad.csv
 begins 2 'bad.csv:3:5: expected a finite number' knead probe --path bad.csv
 
+# A scene is a file, or the name of a scene that comes with Knead. A material comes before a scene of the same name.
+begins 2 'kneadd: --scene is now kneadd SCENE' kneadd --scene dough
+begins 2 "kneadd: duogh: expected a scene file or a scene's name: bun, clay, dough-diagonals, " kneadd duogh
+begins 2 'knead zwidth: --scene duogh: expected a scene file' knead zwidth --hand light --scene duogh
+knead check duogh 2>&1 | grep -q '; did you mean dough?$' || fail "a misspelt scene has no suggestion"
+[ "$(knead check dough-small --text)" = "$(knead check "$small" --text)" ] || fail "knead check finds no scene by its name"
+[[ $(knead creep bun) == *' bun.yaml: '* && $(knead creep jelly) == *' jelly: '* ]] || fail "knead creep: bun is a scene, jelly a material"
+cp "$small" jelly
+[ "$(knead check jelly --text)" = "$(knead check "$small" --text)" ] || fail "a file comes before a scene of that name"
+mkdir mine && cp "$small" mine/block.yaml
+knead check block >/dev/null 2>&1 && fail "block is no scene of Knead"
+KNEAD_SCENES=mine knead check block >/dev/null || fail "KNEAD_SCENES is not read"
+
 # tradeoff checks the scene, the log and the lists before it plays anything.
 begins 2 'knead tradeoff: expected SCENE LOG' knead tradeoff
 begins 2 'nope.yaml:1:1: No such file or directory, expected a scene file' knead tradeoff nope.yaml nope.lcmlog
@@ -63,12 +76,12 @@ begins 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.jo
 # A malformed backend URI is bad input, found before a log or a scene is read. A missing device is a failure of the
 # machine.
 for uri in uart: uart:ttyUSB0 'uart:/dev/null?baud=x' pty: pcie:../../x shm:a/b; do
-    begins 2 "kneadd: --backend $uri: expected uart:/dev/NAME" kneadd --scene nope.yaml --backend "$uri"
+    begins 2 "kneadd: --backend $uri: expected uart:/dev/NAME" kneadd nope.yaml --backend "$uri"
     begins 2 "knead replay: --backend $uri: expected uart:/dev/NAME" knead replay --backend "$uri" nope.lcmlog
 done
-begins 2 'kneadd: --backend baud=3000001: expected 9600' kneadd --scene nope.yaml --backend 'uart:/dev/null?baud=3000001'
+begins 2 'kneadd: --backend baud=3000001: expected 9600' kneadd nope.yaml --backend 'uart:/dev/null?baud=3000001'
 for uri in uart:/dev/null uart:/dev/ttyNONE shm:knead-test-none; do
-    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off --backend "$uri" >out 2>err
+    kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off --backend "$uri" >out 2>err
     got=$?
     [ $got = 3 ] && [ "$(wc -l <err)" -eq 1 ] || fail "kneadd --backend $uri: exit $got, $(cat err)"
 done

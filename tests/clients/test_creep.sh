@@ -34,7 +34,7 @@ knead creep dough --lattice 1x1x1 --load 50gf --rest 0 --table stick --set objec
 knead creep dough --lattice 3x2x1 --load 6gf --hold 1 --rest 0 >out || fail "a wide block: exit $?"
 grep -q "3 x 2 x 1 cm" out && [ "$(value 6 4)" = 1.00 ] || fail "a wide block: $(cat out)"
 
-refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a material: clay, dough, dough-lattice, fibrotic-liver, jelly, liver, putty; or the file of a scene" creep dogh
+refuses 2 "EXPR:1:1: unknown element 'dogh', expected s, d, a name like voigt, or (; or a material: clay, dough, dough-lattice, fibrotic-liver, jelly, liver, putty; or a scene" creep dogh
 refuses 2 "knead creep: s1: s1 has no value, expected --param s1='46 kPa'" creep s
 refuses 2 "knead creep: --param s1=5: '5' has no unit, expected something like s1='46 kPa'" creep s --param s1=5
 refuses 2 "knead creep: --param d1=3Pa: '3Pa' has another dimension, expected something like d1='245 kPa*s'" creep d --param d1=3Pa

@@ -50,7 +50,7 @@ start_kneadd() { # start_kneadd SCENE OPTION...: SCENE is a file here, or one of
     local tries scene=$KN_SOURCE/core/scenes/$1
     [ ! -e "$1" ] || scene=$1
     rm -f kneadd.log kneadd.err # otherwise the files of the server before would be read
-    kneadd --scene "$scene" --realtime "$KN_REALTIME" "${@:2}" >kneadd.log 2>kneadd.err &
+    kneadd "$scene" --realtime "$KN_REALTIME" "${@:2}" >kneadd.log 2>kneadd.err &
     server=$!
     for ((tries = 0; tries < 500; tries++)); do
         [ -e kneadd.log ] && has serving kneadd.log && return

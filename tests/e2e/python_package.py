@@ -91,6 +91,7 @@ check("a state of a batch reads like one alone", (batch[3].stress_pa() == alone[
 
 check("an unknown tool is refused by its name", refused(lambda: state["thumb"], "thumb", "plate, finger"))
 check("a scene that is not there is refused in one line", refused(lambda: knead.Scene("missing.yaml"), "missing.yaml"))
+check("a scene is found by its name", knead.Scene("dough-small").text == scene.text)
 check("a key that a scene does not know is refused", refused(lambda: knead.Scene(SCENES + "dough-small.yaml", "object.colour=red"), "colour"))
 check("a step of 0 s is refused", refused(lambda: knead.Model(dt_s=0.0), "dt must be"))
 check("0 steps, 0 states and a single step within a batch are refused",

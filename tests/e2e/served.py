@@ -46,7 +46,7 @@ class Served:
         self.address, self.port, self.token = opened("web.log")
 
     def serve(self, scene, options=()):
-        kneadd = ["kneadd", "--scene", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
+        kneadd = ["kneadd", f"{os.environ['KN_SOURCE']}/core/scenes/{scene}"]
         self.kneadd = self.start("kneadd", [*kneadd, "--realtime", os.environ["KN_REALTIME"], *options], "serving")
 
     def start(self, name, command, word):  # return once the program has printed the word

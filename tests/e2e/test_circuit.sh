@@ -109,5 +109,5 @@ kill -INT $server
 wait $server
 check "a solver that converges too slowly is reported: $(grep accurate kneadd.log)" grep -qE 'not accurate: 1 passes of 3 iterations leave [0-9.]+ % of the force' kneadd.log
 expect "$PWD/nothing: No such file or directory" 3 knead replay press.lcmlog --backend "pty:$PWD/nothing"
-expect 'fixed has no inertia: needs a bonded or a frictionless support$' 2 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --set support=none --backend fixed
+expect 'fixed has no inertia: needs a bonded or a frictionless support$' 2 kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --set support=none --backend fixed
 exit $failed

@@ -13,10 +13,10 @@ press() { $ahead knead probe --path path.csv --quiet "$@" >/dev/null 2>hand.err 
 
 expect 'knead ctl: control: No such file or directory: is kneadd running' 3 ctl status
 expect 'expected --control PATH of 1 to 107 bytes' 2 \
-    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control "$(printf '%0108d' 0)"
+    kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --control "$(printf '%0108d' 0)"
 touch file
 expect '--control file: exists and is not a socket' 3 \
-    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control file
+    kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --control file
 
 # A finger presses, holds while the dough under it is reset, lifts and presses again. Then an emergency stop and a
 # recover.
@@ -121,7 +121,7 @@ expect 'reset: expected nothing else' 2 ctl reset now
 expect 'quality: expected "name", a string' 2 ctl quality
 expect "quality 'best': expected fast, balanced, accurate or own" 2 ctl quality best
 expect 'another server answers there' 3 \
-    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --control control \
+    kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --control control \
     --lcm-url udpm://239.255.76.67:7669?ttl=0 --mesh-url udpm://239.255.76.67:7670?ttl=0
 lines 'reset
 {"command":"reset","when":"now"}
@@ -155,7 +155,7 @@ check "knead ctl stop ends kneadd like SIGTERM" ended $server
 
 # A server whose output reader leaves, as head does, goes on.
 rm -f first
-(env --default-signal=PIPE kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME" --control control 2>err
+(env --default-signal=PIPE kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME" --control control 2>err
     echo $? >code) | head -1 >first &
 await [ -s first ]
 ctl load >loaded 2>&1

@@ -109,7 +109,7 @@ mkdir state fresh
 start_kneadd dough-small.yaml --state-dir state
 kneader finger &
 hand=$!
-expect 'another kneadd keeps its state there' 3 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --state-dir state
+expect 'another kneadd keeps its state there' 3 kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --state-dir state
 while [ -z "$(compgen -G 'state/*')" ]; do pause 0.1; done
 pause 1
 stop_kneadd
@@ -154,7 +154,7 @@ stop_kneadd
 start_kneadd jelly.yaml --state-dir state
 check "another scene has nothing to restore" grep -q '^kneadd: nothing to restore' kneadd.log
 stop_kneadd
-expect 'No such file' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir nowhere
+expect 'No such file' 2 kneadd "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir nowhere
 chmod 777 state
-expect 'writable by everybody' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir state
+expect 'writable by everybody' 2 kneadd "$KN_SOURCE/core/scenes/jelly.yaml" --state-dir state
 exit $failed

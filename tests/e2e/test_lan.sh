@@ -22,7 +22,7 @@ tr 0-9a-f 1-9a-f0 <key >wrong && chmod 600 wrong
 export KNEAD_LAN=card2
 poke() { there $ahead env "$@" knead probe --path poke --quiet; }
 # refuses PATTERN OPTION...
-refuses() { expect "$1" 2 kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}"; }
+refuses() { expect "$1" 2 kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}"; }
 refuses '--lan: expected --key FILE or --peer ADDRESS as well' --lan card
 refuses '--peer: expected --lan IFACE as well' --peer 10.9.0.2
 refuses '10.9.0: expected --peer with an IPv4 address' --lan card --peer 10.9.0

@@ -18,7 +18,7 @@ expect 'knead latency: --slow: unknown option; knead latency --help lists them$'
 expect '--seconds 0: expected 1 to 3600$' 2 knead latency "$small" --seconds 0
 expect '--contract 60: expected two times in us, like 60,150, or none$' 2 knead latency "$small" --contract 60
 expect '--phase lose: expected lock or free$' 2 knead latency "$small" --phase lose
-expect 'lose: expected --phase lock or free$' 2 kneadd --scene "$small" --phase lose
+expect 'lose: expected --phase lock or free$' 2 kneadd "$small" --phase lose
 expect 'nope.yaml:1:1: ' 2 knead latency nope.yaml
 expect 'no/where.json: ' 3 knead latency "$small" --json no/where.json
 expect 'no KNEAD_SCENE for 4 s: ' 3 knead latency --lcm-url 'udpm://239.255.76.67:7700?ttl=0'
@@ -41,5 +41,5 @@ assert all(a["tick"] < b["tick"] for a, b in zip(rows, rows[1:]))
 assert all(a["seq"] <= b["seq"] for a, b in zip(rows, rows[1:]) if a["session"] == b["session"])
 assert all(row["woke_ns"] <= row["stepped_ns"] <= row["guarded_ns"] and row["arrived_ns"] <= row["guarded_ns"] for row in rows)
 END
-expect '--trace nowhere/trace.csv: No such file or directory' 3 kneadd --scene "$small" --trace nowhere/trace.csv
+expect '--trace nowhere/trace.csv: No such file or directory' 3 kneadd "$small" --trace nowhere/trace.csv
 exit $failed

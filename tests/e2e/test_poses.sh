@@ -6,7 +6,7 @@ source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 start_kneadd dough-small.yaml
 second() { # second PORT OPTION...: a second server reports in one line whose the bus is, and the remedy
     expect "^kneadd: another kneadd serves udpm://239.255.76.67:$1[?]ttl=0: expected $2 with another port$" 3 \
-        kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off "${@:3}"
+        kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime off "${@:3}"
 }
 second 7667 --lcm-url
 second 7668 --mesh-url --lcm-url 'udpm://239.255.76.67:7777?ttl=0'

@@ -26,7 +26,7 @@ sniff_stop() { # set left to the number of datagrams that left
 
 sniff_start
 expect 'ip route add 239.255.76.67/32 dev lo' 3 \
-    kneadd --scene "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME"
+    kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime "$KN_REALTIME"
 sniff_stop
 check "with a route over the network card kneadd refuses to start, and no packet leaves" [ "$left" = 0 ]
 

@@ -48,14 +48,14 @@ setpriv --reuid 1234 --clear-groups /usr/bin/python3 -c \
     'import socket, time; s = socket.socket(socket.AF_UNIX, 2); s.bind("\0kneadd 239.255.76.67:7667"); time.sleep(600)' &
 NOTIFY_SOCKET=$PWD/notify $limits setpriv --reuid 65534 --regid 65534 --clear-groups \
     --no-new-privs --bounding-set=-all --inh-caps=-all --ambient-caps=-all \
-    ./kneadd --scene dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
+    ./kneadd dough-small.yaml --control "$PWD/control" --realtime $mode >kneadd.log 2>kneadd.err &
 server=$!
 await eval '[ "$(heard READY=1)" -gt 0 ]'
 check "kneadd notifies systemd when it serves" [ "$(heard 'READY=1 STATUS=serving dough-small.yaml')" = 1 ]
 [ $mode = off ] || check "kneadd has real-time scheduling and locked memory: $(cat kneadd.err)" grep -q 'SCHED_FIFO, memory locked' kneadd.log
 check "kneadd has no capability" [ "$(sed -n 's/^CapEff:\s*//p' /proc/$server/status)" = 0000000000000000 ]
 expect "^kneadd: another kneadd serves udpm://239.255.76.67:7667[?]ttl=0: expected --lcm-url with another port$" 3 \
-    setpriv --reuid 65534 --regid 65534 --clear-groups ./kneadd --scene dough-small.yaml --realtime off
+    setpriv --reuid 65534 --regid 65534 --clear-groups ./kneadd dough-small.yaml --realtime off
 check "the lock file is in a directory closed to others" \
     [ "$(find /tmp/kneadd-?????? -maxdepth 0 -uid 65534 -perm 0700 | wc -l)$(ls -A /tmp/kneadd-000000)" = 1 ]
 alive() { # alive N: wait for N more watchdog messages
@@ -102,7 +102,7 @@ find /tmp/kneadd-?????? -maxdepth 0 \( -uid 65534 -o -uid 1234 \) -exec rm -r {}
 # stdout and stderr are full, and no process reads them.
 mkfifo full
 exec 7<>full
-NOTIFY_SOCKET=$PWD/notify ./kneadd --scene dough-small.yaml --control control --realtime "$KN_REALTIME" >full 2>&1 &
+NOTIFY_SOCKET=$PWD/notify ./kneadd dough-small.yaml --control control --realtime "$KN_REALTIME" >full 2>&1 &
 server=$!
 await eval './knead ctl --control control status >/dev/null 2>&1'
 python3 -c 'import os

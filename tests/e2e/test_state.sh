@@ -10,7 +10,7 @@ state() { sed -n 's/.*"state":"\([0-9a-f]*\)".*/\1/p' <<<"$1"; }
 generation() { sed -n 's/.*"generation":\([0-9]*\).*/\1/p' <<<"$1"; }
 mkdir kept
 expect '^--state-dir kept: Read-only file system, expected a directory that can be written to$' 2 unshare -m bash -c \
-    "mount -t tmpfs -o ro none kept && exec kneadd --scene $KN_SOURCE/core/scenes/dough-small.yaml --state-dir kept"
+    "mount -t tmpfs -o ro none kept && exec kneadd $KN_SOURCE/core/scenes/dough-small.yaml --state-dir kept"
 start_logger state.lcmlog
 start_kneadd dough-small.yaml --control control --state-dir kept
 dent 0.042

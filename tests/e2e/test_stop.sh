@@ -21,7 +21,7 @@ check "the last force is zero" holds "$(number last_n stopped) <= 0"
 check "the force fell by at most 2.4 N/ms" holds "$(number steepest_n stopped) <= 2.4"
 
 # An object too large for this machine is served nevertheless, with a warning.
-kneadd --scene "$KN_SOURCE/core/scenes/dough.yaml" --set object.spacing='1 mm' --realtime off >large 2>&1 &
+kneadd "$KN_SOURCE/core/scenes/dough.yaml" --set object.spacing='1 mm' --realtime off >large 2>&1 &
 server=$!
 await grep -q serving large
 sleep 0.3

@@ -190,7 +190,7 @@ check "the output names the snapshot" grep -Eq 'dough-small.yaml, snapshot [0-9]
 check "the snapshot is another picture than the object at rest" [ "$(cmp -s snapshot.png rest.png; echo $?)" = 1 ]
 expect "a snapshot is compared with its scene" 0 '^$' knead view kept "$scene" --compare --scene "$scene" --png pressed.png
 check "the snapshot differs from its scene" grep -Eq 'up to [0-9]*[.]?[0-9]*[1-9][0-9]* mm apart$' out
-expect "a snapshot without its scene is refused" 2 'kept: is a snapshot, expected --scene FILE' knead view kept --png x.png
+expect "a snapshot without its scene is refused" 2 'kept: is a snapshot, expected --scene SCENE with' knead view kept --png x.png
 expect "a snapshot of another scene is refused" 2 'kept: another scene: dough-small.yaml, expected clay.yaml$' \
     knead view kept --scene "$KN_SOURCE/core/scenes/clay.yaml" --png x.png
 head -c 2000 kept >cut

@@ -4,8 +4,8 @@
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
 [ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
 verifies() { knead replay "$1" --verify >"$1.said" 2>"$1.err" || { cat "$1.said" "$1.err"; return 1; }; }
-expect '--quality fast: the scene has no quality points' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
-expect 'quick: expected fast, balanced, accurate or own' 2 kneadd --scene "$KN_SOURCE/core/scenes/jelly.yaml" --quality quick
+expect '--quality fast: the scene has no quality points' 2 kneadd "$KN_SOURCE/core/scenes/jelly.yaml" --quality fast
+expect 'quick: expected fast, balanced, accurate or own' 2 kneadd "$KN_SOURCE/core/scenes/jelly.yaml" --quality quick
 
 # a finger presses and goes on slowly; meanwhile the servo's time is stolen for 0.8 s
 printf '%s\n' time_s,x_m,y_m,z_m 0,0,0,0.06 0.8,0,0,0.045 1,0,0,0.041 6,0,0,0.038 6.5,0,0,0.06 >path.csv

@@ -1,6 +1,7 @@
 """Objects in this program: scenes, models, states and batches of states. All numbers are in SI units."""
 import ctypes
 import os
+import shutil
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +30,21 @@ def _copied(pointer, dtype, *shape):
     return copy
 
 
+def _scene_file(name):
+    """Return the file of the scene `name` that comes with Knead; return `name` itself if there is no such scene."""
+    places = [os.environ.get('KNEAD_SCENES')]
+    if not places[0]:
+        program = os.path.dirname(os.path.realpath(shutil.which('kneadd') or '/usr/bin/kneadd'))
+        places = [f'{program}/../share/knead/scenes', f'{program}/../../../core/scenes']
+    files = [f'{place}/{name}.yaml' for place in places]
+    return name if os.path.exists(name) else next(filter(os.path.exists, files), name)
+
+
 class Scene:
     """A scene file, checked and with its defaults.
 
-    path: the file's path, or the scene's YAML text, which has at least one line break.
+    path: the file's path, the name of a scene that comes with Knead, such as 'dough', or the scene's YAML text, which
+        has at least one line break.
     settings: texts KEY=VALUE as for --set, for example 'object.spacing=5 mm'.
     """
 
@@ -45,7 +57,7 @@ class Scene:
             text = path.encode()
             self._scene = library.kn_scene_parse(b'scene', text, len(text), sets, len(settings), error, len(error))
         else:
-            self._scene = library.kn_scene_load(path.encode(), sets, len(settings), error, len(error))
+            self._scene = library.kn_scene_load(_scene_file(path).encode(), sets, len(settings), error, len(error))
         if not self._scene:
             raise Error(error.value.decode())
         self.name = self._scene.contents.name.decode()
@@ -68,7 +80,7 @@ class Scene:
 class Model:
     """What does not change while an object is touched.
 
-    scene: a Scene, the path or text of one, or None: a block of dough of 5 x 5 x 3 cm under a ball of 3 cm.
+    scene: a Scene, the path, name or text of one, or None: a block of dough of 5 x 5 x 3 cm under a ball of 3 cm.
     settings: texts KEY=VALUE, as for Scene.
     dt_s: time step, s; None: the scene's. A learner's step is 0.01, and 0.005 halves its error.
 
