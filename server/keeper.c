@@ -419,6 +419,8 @@ kn_answer kn_keeper_restore(kn_keeper *keeper, kn_orders *orders, const kn_scene
     k->incoming.servo.scene = scene;
     k->incoming.servo.model = model;
     if (!kn_store_load(&k->store, generation, &k->incoming, name, NULL, why, sizeof why)) {
+        if (generation > 0 && generation % KN_STORE_OWN == 0)
+            return refusal("restore: snapshot %" PRId64 ": %s", generation / KN_STORE_OWN, why);
         if (generation > 0) return refusal("restore: generation %" PRId64 ": %s", generation, why);
         return refusal("restore: %s", why);
     }

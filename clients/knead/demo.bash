@@ -31,7 +31,7 @@ make_network() {
     exec "$0" web --bind unshare $flags "${again[@]}"
 }
 
-server='' page='' route_added=0
+server='' page='' ticker='' route_added=0
 start_server() { # returns once it serves
     rm -rf "$out/state" && mkdir "$out/state" # of this start alone: it begins on an object that nothing has touched
     "$bin/kneadd" "$scene" --set mesh.measures=both "${options[@]}" --control "$control" --state-dir "$out/state" --touch \
@@ -70,6 +70,7 @@ start_page() { # on its own socket, or on descriptor 3 when it was opened outsid
 leave() { # whatever has been started ends; on a terminal's Ctrl-C it is ending already
     local ended=''
     trap '' INT # a second Ctrl-C must not leave the route behind
+    [ -z "$ticker" ] || kill "$ticker" 2>/dev/null
     [ -z "$page" ] || { kill -TERM "$page" 2>/dev/null; wait "$page"; ended='; the page has ended'; }
     if [ -n "$server" ]; then
         stop_server && ended+='; kneadd has ended, forces at zero' || ended+="; kneadd has ended with exit $?, see $out/kneadd.log"
@@ -78,14 +79,28 @@ leave() { # whatever has been started ends; on a terminal's Ctrl-C it is ending 
     [ $once = 1 ] || [ -z "$ended" ] || printf '\nstopped: %s\n' "${ended:2}"
 }
 
+tell_time() { # a line every 4 s, since a press takes some 12
+    local second
+    for second in 4 8 12 16 20 24; do
+        sleep 4 </dev/null >/dev/null 2>&1
+        echo "pressing: $second s"
+    done
+}
+
 press() {
     local try code picture=()
     command -v gnuplot >/dev/null && picture=(--png "$out/press.png") || echo "press.png is not drawn: gnuplot is not installed"
     rm -f "$out"/press.* "$out/dent.png"
     for try in 1 2 3; do # each on a block that nothing has touched
         start_server
-        "$0" probe --path press --tries 1 --record "$out/press.lcmlog" --csv "$out/press.csv" "${picture[@]}" </dev/null && break
+        echo "a virtual hand presses it: 1 cm deep at 1 cm/s, 4 s still, and up again"
+        tell_time &
+        ticker=$!
+        "$0" probe --path press --tries 1 --record "$out/press.lcmlog" --csv "$out/press.csv" "${picture[@]}" </dev/null
         code=$?
+        kill $ticker
+        ticker=
+        [ $code != 0 ] || break
         [ $code = 3 ] || exit $code # bad input stays bad
         tail -n 5 "$out/kneadd.log" && stop_server
         [ $try -lt 3 ] || { [ $once = 0 ] && return 1; exit 3; }

@@ -220,17 +220,19 @@ TEST(
     CHECK(!none.ok && !strcmp(none.error, "restore: none"));
     await(&x, 500);
     kn_answer untouched = kn_keeper_snapshot(&r->keeper);
-    CHECK(untouched.ok && untouched.generation == 1 && untouched.tick > 0 && untouched.state_hash != 0);
+    CHECK(untouched.ok && untouched.generation == KN_STORE_OWN && untouched.tick > 0 && untouched.state_hash != 0);
     x.z_m = DEEP;
     await(&x, 1300);
     kn_answer pressed = kn_keeper_snapshot(&r->keeper);
-    CHECK(pressed.ok && pressed.generation > 1 && pressed.state_hash != untouched.state_hash);
+    CHECK(pressed.ok && pressed.generation == 2 * KN_STORE_OWN && pressed.state_hash != untouched.state_hash);
     kn_answer undone = kn_keeper_undo(&r->f.loop.orders); // an undo under the tool
     CHECK(undone.ok && undone.tick > pressed.tick && undone.generation == 0);
     kn_answer again = restore(r, pressed.generation);
     CHECK(again.ok && again.state_hash == pressed.state_hash && again.generation == pressed.generation);
     none = restore(r, 999);
     CHECK(!none.ok && !strcmp(none.error, "restore: generation 999: none"));
+    none = restore(r, 7 * KN_STORE_OWN);
+    CHECK(!none.ok && !strcmp(none.error, "restore: snapshot 7: none"));
     CHECK(kn_keeper_undo(&r->f.loop.orders).ok); // an undo of the restore
     for (int i = 0; i < 5; i++) {
         bool stands = i % 3 > 0; // off, on, on, off, on
