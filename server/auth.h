@@ -25,7 +25,7 @@
 #include <stdint.h>
 
 #define KN_AUTH_KEY 32     // length of the key, bytes
-#define KN_AUTH_TAG 16     // length of the tag, bytes; in logs of version 0.1.0 the trailer is the tag alone
+#define KN_AUTH_TAG 16     // length of the tag, bytes
 #define KN_AUTH_TRAILER 32 // length of the trailer after a signed payload, bytes
 // Length of a nonce, bytes; a nonce is the payload of the messages KNEAD_HELLO and KNEAD_LIFE.
 #define KN_AUTH_NONCE 8
@@ -73,11 +73,10 @@ size_t kn_auth_sign(const kn_auth *auth, const char *channel, unsigned char *pay
 bool kn_auth_check(const kn_auth *auth, const char *channel, const unsigned char *payload, size_t size,
                    kn_auth_stamp *stamp);
 
-// Return whether a message of `size` bytes can hold a payload of the length `payload`: without a trailer, with a
-// trailer, or with the tag alone (in logs of version 0.1.0).
+// Return whether a message of `size` bytes can hold a payload of the length `payload`, without or with a trailer.
 static inline bool kn_auth_fits(size_t size, size_t payload)
 {
-    return size == payload || size == payload + KN_AUTH_TAG || size == payload + KN_AUTH_TRAILER;
+    return size == payload || size == payload + KN_AUTH_TRAILER;
 }
 
 #endif

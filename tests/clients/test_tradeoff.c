@@ -124,7 +124,7 @@ static void record_with(const char *file, const char *const *sets, int count)
     OWN(kn_scene) *scene = load_scene(file, sets, count);
     record(0.003);
     lcm_eventlog_t *log = lcm_eventlog_create("tradeoff.lcmlog", "a");
-    knead_scene_t m = {.version = (char *)"0.1.0", .name = (char *)file, .text = (char *)scene->text, .text_hash = 1};
+    knead_scene_t m = {.version = (char *)"0.9.0", .name = (char *)file, .text = (char *)scene->text, .text_hash = 1};
     uint8_t bytes[8192];
     int size = knead_scene_t_encode(bytes, 0, sizeof bytes, &m);
     CHECK(size > 0 && kn_log_write(log, 1700000002000000, "KNEAD_SCENE", bytes, (size_t)size));
