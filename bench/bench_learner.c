@@ -1,4 +1,4 @@
-// The cost and the error of a learner's steps of 10 ms (bench/README.md).
+// The cost and the error of a learner's steps of 10 ms (bench/FIGURES.md).
 //
 //     bench_learner [--fine | --batch] [--states N]
 //

@@ -263,7 +263,7 @@ int main(int argc, char **argv)
     if (argc == 2 && !strcmp(argv[1], "--help"))
         return printf(
                    "usage: bench_loop [--quick]\nSimulate closed loops on 847 nodes, in ten minutes; --quick: on 144 "
-                   "nodes, in five minutes. bench/README.md explains the tables.\n"),
+                   "nodes, in five minutes. bench/FIGURES.md explains the tables.\n"),
                0;
     if (argc > 1 && !quick) return fprintf(stderr, "bench_loop: %s: expected --quick, --help or nothing\n", argv[1]), 2;
     print_machine();

@@ -1,4 +1,4 @@
-// Cost of a time step. bench/README.md explains the tables.
+// Cost of a time step. bench/FIGURES.md explains the tables.
 #include "bench/bench.h"
 #include "bench/throughput.h"
 #include "server/option_table.h"

@@ -26,8 +26,8 @@
 #include "server/bus.h"
 #include "server/servo.h"
 
-// Reasons of rejection, in the order of status_t.rejected and of the table in proto/README.md. Append only: logs hold
-// the indices.
+// Reasons of rejection, in the order of status_t.rejected and of the table in proto/REFERENCE.md. Append only: logs
+// hold the indices.
 #define KN_REJECTS(X)                                                                                                  \
     X(INTERFACE, "interface", "arrived over neither the loopback interface nor the interface of --lan")                \
     X(RUNT, "runt", "the datagram is shorter than an LCM header")                                                      \

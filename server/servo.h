@@ -116,7 +116,7 @@ typedef struct kn_event {
     int64_t tick, session;
     // Hash of the object's state before this tick's step; 0: not computed, because the step itself caused the FAULT.
     uint64_t state_hash;
-    double arg[8];       // meaning depends on `kind`, see proto/README.md
+    double arg[8];       // meaning depends on `kind`, see proto/REFERENCE.md
     int32_t kind, probe; // `kind`: KIND_* of event_t; `probe`: index of the probe in the scene, -1: no probe
 } kn_event;
 

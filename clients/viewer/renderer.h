@@ -7,8 +7,8 @@
 //
 //     kn_renderer_open -> kn_renderer_mesh -> kn_renderer_draw for each picture -> kn_renderer_close
 //
-// The same input gives the same bytes on the same Mesa. The frame is the scene frame of proto/README.md, in metres, z
-// up. Use from one thread only. kn_renderer_open and kn_renderer_mesh allocate everything, and kn_renderer_draw
+// The same input gives the same bytes on the same Mesa. The frame is the scene frame of proto/REFERENCE.md, in metres,
+// z up. Use from one thread only. kn_renderer_open and kn_renderer_mesh allocate everything, and kn_renderer_draw
 // allocates nothing. Exceptions are Mesa itself and the first picture of a tool that is a mesh.
 #include "clients/viewer/camera.h"
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// The page of knead web: draw the object and send the pointer. The wire format is in README.md of this folder.
+// The page of knead web: draw the object and send the pointer. The wire format is in DEVELOPING.md of this folder.
 'use strict';
 const picture = $('picture'), slider = $('depth');
 

@@ -2,7 +2,7 @@
 #define KN_CLIENTS_GATEWAY_H
 // Gateway between kneadd's web client and browsers: HTTP for the files of the page and for downloads, and one WebSocket
 // per page. A page is one open browser page that has shown the token. libwebsockets runs on the caller's libev loop.
-// README.md of this folder describes the messages.
+// DEVELOPING.md of this folder describes the messages.
 //
 //     browser -- token -->  gateway  -- pointer, requests -->  on_message, on_request
 //             <-- state and mesh or picture --  write(page, ...)    <--  caller has news: kn_gateway_news

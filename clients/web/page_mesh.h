@@ -1,8 +1,8 @@
 #ifndef KN_CLIENTS_PAGE_MESH_H
 #define KN_CLIENTS_PAGE_MESH_H
 // The object for pages that draw it themselves: its surface, which a page gets once, and its present shape, which a
-// page gets with every mesh of kneadd. README.md of this folder has the layout of both blocks. All functions are called
-// by the main thread.
+// page gets with every mesh of kneadd. DEVELOPING.md of this folder has the layout of both blocks. All functions are
+// called by the main thread.
 //
 //     new mesh -> kn_page_mesh_take -> kn_page_mesh_write_surface, kn_page_mesh_write_shape for each page
 #include "clients/picture/object_still.h"

@@ -66,7 +66,7 @@ static const char *take(kn_page_request *r, const json_t *object)
     // Count the expected fields. If the object has a different number of fields, it contains an extra field.
     size_t count = 2;
     if (!take_id(r, json_object_get(object, "id"))) return "\"id\", a whole number of 1 to 2^32 - 1";
-    if (!take_verb(r, json_object_get(object, "do"))) return "\"do\", one of the verbs in clients/web/README.md";
+    if (!take_verb(r, json_object_get(object, "do"))) return "\"do\", one of the verbs in clients/web/DEVELOPING.md";
     int fields = verbs[r->verb].fields;
     if (fields & NAME && (count++, !take_name(r, json_object_get(object, "name"))))
         return "\"name\", of letters, digits and . _ -";

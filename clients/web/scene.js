@@ -1,5 +1,5 @@
 // The object, the tools and the table, drawn by the browser itself (WebGL 2), as clients/viewer draws them: the same
-// camera, the same shaders (shaders.glsl). README.md of this folder has the layout of the surface and of the shape.
+// camera, the same shaders (shaders.glsl). DEVELOPING.md of this folder has the layout of the surface and of the shape.
 'use strict';
 
 // ---- vectors, and matrices in columns, as OpenGL reads them
@@ -120,7 +120,7 @@ const COLORS = {
 };
 const LIT = 1.6; // radius around the object's middle within which shadows are drawn, in longest sides of the object
 const N_PER_SQUARE = 5; // force whose arrow is as long as a square of the table
-const BOX = 1, ROD = 2, BALL = 3, CONE = 4; // unit solids; README.md of this folder numbers the first three
+const BOX = 1, ROD = 2, BALL = 3, CONE = 4; // unit solids; DEVELOPING.md of this folder numbers the first three
 
 // Surface of a solid of revolution about z. profile: radius and z from the bottom up. Return position and normal of
 // each corner. round: the normals point away from the origin; flat: each segment has one normal.

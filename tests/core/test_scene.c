@@ -430,16 +430,16 @@ TEST("the text of a scene with a union gives the same scene; --set changes a key
     CHECK(rolling->tool[0] && rolling->tool[0]->part_count == 3);
 }
 
-TEST("the README lists every key exactly as knead check --keys")
+TEST("KEYS.md lists every key exactly as knead check --keys")
 {
     static char readme[1 << 16];
-    FILE *file = fopen(SCENES "README.md", "r");
-    if (!file) KN_TEST_FAIL("no README.md");
+    FILE *file = fopen(SCENES "KEYS.md", "r");
+    if (!file) KN_TEST_FAIL("no KEYS.md");
     if (!file) return;
     readme[fread(readme, 1, sizeof readme - 1, file)] = '\0';
     fclose(file);
     int lines = 0;
     for (const char *const *line = kn_scene_keys(); *line; line++, lines++)
-        if (!strstr(readme, *line)) KN_TEST_FAIL("not in the README: %s", *line);
+        if (!strstr(readme, *line)) KN_TEST_FAIL("not in KEYS.md: %s", *line);
     CHECK(lines > 40);
 }

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# proto/README.md describes the wire as it is: every type, constant, event and reason of rejection, with its number.
+# proto/README.md and REFERENCE.md describe the wire as it is: every type, constant, event and reason of rejection, with its number.
 set -u
-page=$KN_SOURCE/proto/README.md
+page=page.md
+cat "$KN_SOURCE"/proto/README.md "$KN_SOURCE"/proto/REFERENCE.md >page.md
 source "$KN_SOURCE/tests/clients/refuses.sh"
 
 for type in "$KN_SOURCE"/proto/*.lcm; do

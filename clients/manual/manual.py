@@ -1,0 +1,97 @@
+#!/usr/bin/env python3
+"""Write the manual as plain HTML: the Markdown pages of the tree, the man pages, the pictures. At the end, follow every link.
+
+    manual.py SOURCE OUT MAN PAGE.md...     pages relative to SOURCE; MAN: folder of man pages; OUT/api: Doxygen's pages, made before
+"""
+import html
+import os
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from urllib.parse import unquote
+
+import markdown
+from markdown.extensions.toc import TocExtension
+
+source, out, man, *pages = sys.argv[1:]
+MENU = {'Knead': 'README.html', 'Tutorials': 'README.html#ten-minutes', 'Commands': 'man/index.html', 'Clients': 'clients/README.html',
+        'Server': 'server/README.html', 'Scenes': 'core/scenes/README.html', 'Wire': 'proto/README.html', 'Circuit': 'hdl/README.html',
+        'C functions': 'api/files.html'}
+
+
+def write(path, title, body):
+    def up(to):
+        return os.path.relpath(to, os.path.dirname(path) or '.')
+    os.makedirs(os.path.join(out, os.path.dirname(path)), exist_ok=True)
+    menu = ''.join(f'<li><a href="{up(to)}">{name}</a></li>' for name, to in MENU.items())
+    with open(os.path.join(out, path), 'w') as file:
+        file.write(f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>\n'
+                   '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+                   f'<link rel="stylesheet" href="{up("manual.css")}"></head>\n'
+                   f'<body><main><nav><ul>{menu}</ul></nav>\n{body}\n</main></body></html>\n')
+
+
+def place(page, link):
+    """Return where a link of a page leads in the manual, or None for a source file, which is not in the manual."""
+    to, _, anchor = link.partition('#')
+    path = os.path.normpath(os.path.join(os.path.dirname(page), to))
+    if '://' in link or not to:
+        return link
+    if os.path.isdir(os.path.join(source, path)):
+        path += '/README.md'
+    header = f'api/{os.path.basename(path).replace("_", "__").replace(".", "_8")}.html'
+    if path in pages:
+        path = path[:-3] + '.html'
+    elif path.endswith('.png'):
+        os.makedirs(os.path.join(out, os.path.dirname(path)), exist_ok=True)
+        shutil.copy(os.path.join(source, path), os.path.join(out, path))
+    elif os.path.exists(os.path.join(out, header)):
+        path = header
+    elif os.path.exists(os.path.join(source, path)):
+        return None
+    return os.path.relpath(path, os.path.dirname(page) or '.') + ('#' + anchor if anchor else '')
+
+
+class Links(HTMLParser):
+    def __init__(self, path):
+        super().__init__()
+        self.ids, self.links = {''}, set()
+        with open(path) as file:
+            self.feed(file.read())
+
+    def handle_starttag(self, _, attributes):
+        self.ids.update(value for name, value in attributes if name in ('id', 'name'))
+        self.links.update(unquote(value) for name, value in attributes
+                          if name in ('href', 'src') and value and not re.match('[a-z]+:', value))
+
+
+for page in pages:
+    with open(os.path.join(source, page)) as file:
+        text = file.read()
+    as_github = TocExtension(slugify=lambda title, _: re.sub(r'[^\w\- ]', '', title.lower()).replace(' ', '-'))
+    body = markdown.markdown(text, extensions=['tables', 'fenced_code', 'sane_lists', as_github])
+    body = re.sub('<a href="([^"]+)">(.*?)</a>', flags=re.S, string=body,
+                  repl=lambda m: f'<a href="{place(page, m[1])}">{m[2]}</a>' if place(page, m[1]) else m[2])
+    body = re.sub('(<img [^>]*src=")([^"]+)', lambda m: m[1] + place(page, m[2]), body)
+    body = body.replace('<table>', '<div class="scroll"><table>').replace('</table>', '</table></div>')
+    write(page[:-3] + '.html', text.partition('\n')[0].lstrip('# '), body)
+shutil.copy(os.path.join(out, 'README.html'), os.path.join(out, 'index.html'))
+
+rows = ''
+for name in sorted(os.listdir(man)):
+    body = subprocess.run(['mandoc', '-T', 'html', '-O', 'fragment', os.path.join(man, name)],
+                          check=True, capture_output=True, text=True).stdout
+    write(f'man/{name}.html', name, body)
+    rows += f'<tr><td><a href="{name}.html">{name}</a></td><td>{"".join(re.findall("(?s)class=.Nd.[^>]*>(.*?)<", body)[:1])}</td></tr>'
+write('man/index.html', 'Commands', f'<h1>Commands</h1>\n<table>{rows}</table>')
+
+found = {os.path.normpath(os.path.join(folder, name)): None for folder, _, names in os.walk(out) for name in names}
+found.update((path, Links(path)) for path in found if path.endswith('.html'))
+broken = [f'{path}: {link}' for path, page in found.items() if page for link in sorted(page.links)
+          for to, _, anchor in [link.partition('#')]
+          for there in [os.path.normpath(os.path.join(os.path.dirname(path), to)) if to else path]
+          if there not in found or anchor and found[there] and anchor not in found[there].ids]
+print(f'{sum(page is not None for page in found.values())} pages, {sum(len(page.links) for page in found.values() if page)} links', *broken, sep='\nbroken: ')
+sys.exit(bool(broken))
