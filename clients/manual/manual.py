@@ -58,13 +58,17 @@ class Links(HTMLParser):
     def __init__(self, path):
         super().__init__()
         self.ids, self.links = {''}, set()
-        with open(path) as file:
+        with open(os.path.join(out, path)) as file:
             self.feed(file.read())
 
     def handle_starttag(self, _, attributes):
         self.ids.update(value for name, value in attributes if name in ('id', 'name'))
         self.links.update(unquote(value) for name, value in attributes
                           if name in ('href', 'src') and value and not re.match('[a-z]+:', value))
+
+
+def leads(path, link):
+    return path in found and (not found[path] or link.partition('#')[2] in found[path].ids)
 
 
 for page in pages:
@@ -80,18 +84,17 @@ for page in pages:
 shutil.copy(os.path.join(out, 'README.html'), os.path.join(out, 'index.html'))
 
 rows = ''
-for name in sorted(os.listdir(man)):
-    body = subprocess.run(['mandoc', '-T', 'html', '-O', 'fragment', os.path.join(man, name)],
-                          check=True, capture_output=True, text=True).stdout
+for name in sorted(os.listdir(man)) if os.path.isdir(man) else []:
+    body = subprocess.check_output(['mandoc', '-T', 'html', '-O', 'fragment', os.path.join(man, name)], text=True)
     write(f'man/{name}.html', name, body)
-    rows += f'<tr><td><a href="{name}.html">{name}</a></td><td>{"".join(re.findall("(?s)class=.Nd.[^>]*>(.*?)<", body)[:1])}</td></tr>'
+    what = re.search('(?s)class="Nd"[^>]*>(.*?)<', body)
+    rows += f'<tr><td><a href="{name}.html">{name}</a></td><td>{what[1] if what else ""}</td></tr>'
 write('man/index.html', 'Commands', f'<h1>Commands</h1>\n<table>{rows}</table>')
 
-found = {os.path.normpath(os.path.join(folder, name)): None for folder, _, names in os.walk(out) for name in names}
+found = {os.path.relpath(os.path.join(folder, name), out): None for folder, _, names in os.walk(out) for name in names}
 found.update((path, Links(path)) for path in found if path.endswith('.html'))
 broken = [f'{path}: {link}' for path, page in found.items() if page for link in sorted(page.links)
-          for to, _, anchor in [link.partition('#')]
-          for there in [os.path.normpath(os.path.join(os.path.dirname(path), to)) if to else path]
-          if there not in found or anchor and found[there] and anchor not in found[there].ids]
-print(f'{sum(page is not None for page in found.values())} pages, {sum(len(page.links) for page in found.values() if page)} links', *broken, sep='\nbroken: ')
+          if not leads(os.path.normpath(os.path.join(os.path.dirname(path), link.partition('#')[0] or os.path.basename(path))), link)]
+print(f'{sum(map(bool, found.values()))} pages, {sum(len(page.links) for page in found.values() if page)} links', *broken,
+      sep='\nbroken: ')
 sys.exit(bool(broken))

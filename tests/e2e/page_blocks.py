@@ -3,16 +3,17 @@
 A ```text block holds lines of the output of the block before it, in order; other lines may stand between them. Words must be the
 same, numbers within TOLERANCE; ... stands for anything. A command that fails, or a promised line that does not come, is a failure.
 
-    page_blocks.py PAGE [SETUP]      SETUP: lines for the shell before the first block
+    page_blocks.py PAGE      KNEAD_USR: where /usr of the page is
 """
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
 
 TOLERANCE = 0.05  # of a number, or one unit of its last digit where that is more
-PATIENCE_S = 300
+PATIENCE_S, SERVER_S = 600, 20  # for a block to end; then for a server to say what it says
 NUMBER = r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?'
 
 
@@ -43,30 +44,33 @@ def missing(promised, output):
     return next((' '.join(p) for p in promised if not any(agrees(p, line) for line in lines)), None)
 
 
-def run(page, setup):
-    failures = 0
-    output = open('output', 'a')
-    shell = subprocess.Popen(['bash'], stdin=subprocess.PIPE, stdout=output, stderr=output, text=True)
-    shell.stdin.write(f"set -E\ntrap 'echo \"[failed: $BASH_COMMAND]\"' ERR\n{setup}\n")
+def run(page):
+    shell = subprocess.Popen(['bash'], stdin=subprocess.PIPE, stdout=open('output', 'a'), stderr=subprocess.STDOUT, text=True,
+                             start_new_session=True)
+    shell.stdin.write('set -E\ntrap \'echo "[failed: $BASH_COMMAND]"\' ERR\nsudo() { "$@"; }\npython3() { /usr/bin/python3 "$@"; }\n')  # Debian's
     for number, (body, promised) in enumerate(blocks(open(page).read()), 1):
         start, end = os.path.getsize('output'), time.monotonic() + PATIENCE_S
-        open('block', 'w').write(body)
+        with open('block', 'w') as file:
+            file.write(body.replace('/usr/', os.environ['KNEAD_USR'] + '/'))
         shell.stdin.write(f". ./block </dev/null\necho '[done {number}]'\n")
         shell.stdin.flush()
         while True:  # a server in the background speaks when it likes
             time.sleep(0.1)
-            told = open('output', 'rb').read()[start:].decode()
-            done, lacks = f'[done {number}]' in told, missing(promised, told)
-            if done and not lacks or time.monotonic() > end or shell.poll() is not None or done and '[failed' in told:
+            with open('output', 'rb') as file:
+                file.seek(start)
+                told = file.read().decode()
+            done, failed, lacks = f'[done {number}]' in told, '[failed' in told, missing(promised, told)
+            if done:
+                end = min(end, time.monotonic() + SERVER_S)
+            if done and (failed or not lacks) or time.monotonic() > end:
                 break
-        wrong = not done and 'it does not end' or '[failed' in told and 'a command failed' or lacks and f'not said: {lacks}'
-        failures += bool(wrong)
+        wrong = failed or not done or lacks
         print(f'{"FAIL" if wrong else "ok  "} {os.path.basename(page)} {number}: {body.splitlines()[0]}', flush=True)
         if wrong:
-            print(f'{wrong}\n{told}')
+            print(f'{"" if done else "it does not end"}\nnot said: {lacks}\n{told}')
             break
-    shell.kill()
-    return failures
+    os.killpg(shell.pid, signal.SIGKILL)  # what the page left running, too
+    return bool(wrong)
 
 
-sys.exit(run(sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else ''))
+sys.exit(run(sys.argv[1]))
