@@ -98,10 +98,11 @@ bool kn_law_in_lanes(const kn_law *law);
 // it.
 double kn_law_stress(const kn_law *law, double b_pa);
 
+#define KN_LAW_STROKE_ENDS 1e-9 // strain; a stop that is nearer is reached
+
 // Apply the stops to the stress s = T(b) by equation (2), and return the new stress. `inwards` and `outwards` are the
 // strains z - z_in and z_out - z by which the damper can still move at the beginning of the step. If one of them is
 // below KN_LAW_STROKE_ENDS, it is taken as 0. Requires dt > 0.
-#define KN_LAW_STROKE_ENDS 1e-9
 double kn_law_stop(const kn_law *law, double stress_pa, double b_pa, double inwards, double outwards);
 
 // Return the slope ds/db of the law at stress s. The slope ds/dw is A ds/db.

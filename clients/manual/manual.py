@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Write the manual as plain HTML: the Markdown pages of the tree, the man pages, the pictures. At the end, follow every link.
 
     manual.py SOURCE OUT MAN PAGE.md...     pages relative to SOURCE; MAN: folder of man pages; OUT/api: Doxygen's pages, made before
@@ -10,10 +10,10 @@ import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
+from pathlib import Path
 from urllib.parse import unquote
 
 import markdown
-from markdown.extensions.toc import TocExtension
 
 source, out, man, *pages = sys.argv[1:]
 MENU = {'Knead': 'README.html', 'Tutorials': 'README.html#ten-minutes', 'Commands': 'man/index.html', 'Clients': 'clients/README.html',
@@ -24,13 +24,12 @@ MENU = {'Knead': 'README.html', 'Tutorials': 'README.html#ten-minutes', 'Command
 def write(path, title, body):
     def up(to):
         return os.path.relpath(to, os.path.dirname(path) or '.')
-    os.makedirs(os.path.join(out, os.path.dirname(path)), exist_ok=True)
     menu = ''.join(f'<li><a href="{up(to)}">{name}</a></li>' for name, to in MENU.items())
-    with open(os.path.join(out, path), 'w') as file:
-        file.write(f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>\n'
-                   '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-                   f'<link rel="stylesheet" href="{up("manual.css")}"></head>\n'
-                   f'<body><main><nav><ul>{menu}</ul></nav>\n{body}\n</main></body></html>\n')
+    Path(out, path).parent.mkdir(parents=True, exist_ok=True)
+    Path(out, path).write_text(f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>\n'
+                               '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+                               f'<link rel="stylesheet" href="{up("manual.css")}"></head>\n'
+                               f'<body><main><nav><ul>{menu}</ul></nav>\n{body}\n</main></body></html>\n')
 
 
 def place(page, link):
@@ -45,7 +44,7 @@ def place(page, link):
     if path in pages:
         path = path[:-3] + '.html'
     elif path.endswith('.png'):
-        os.makedirs(os.path.join(out, os.path.dirname(path)), exist_ok=True)
+        Path(out, path).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(os.path.join(source, path), os.path.join(out, path))
     elif os.path.exists(os.path.join(out, header)):
         path = header
@@ -58,8 +57,7 @@ class Links(HTMLParser):
     def __init__(self, path):
         super().__init__()
         self.ids, self.links = {''}, set()
-        with open(os.path.join(out, path)) as file:
-            self.feed(file.read())
+        self.feed(Path(out, path).read_text())
 
     def handle_starttag(self, _, attributes):
         self.ids.update(value for name, value in attributes if name in ('id', 'name'))
@@ -72,10 +70,8 @@ def leads(path, link):
 
 
 for page in pages:
-    with open(os.path.join(source, page)) as file:
-        text = file.read()
-    as_github = TocExtension(slugify=lambda title, _: re.sub(r'[^\w\- ]', '', title.lower()).replace(' ', '-'))
-    body = markdown.markdown(text, extensions=['tables', 'fenced_code', 'sane_lists', as_github])
+    text = Path(source, page).read_text()
+    body = markdown.markdown(text, extensions=['tables', 'fenced_code', 'sane_lists', 'toc'])
     body = re.sub('<a href="([^"]+)">(.*?)</a>', flags=re.S, string=body,
                   repl=lambda m: f'<a href="{place(page, m[1])}">{m[2]}</a>' if place(page, m[1]) else m[2])
     body = re.sub('(<img [^>]*src=")([^"]+)', lambda m: m[1] + place(page, m[2]), body)
@@ -84,11 +80,12 @@ for page in pages:
 shutil.copy(os.path.join(out, 'README.html'), os.path.join(out, 'index.html'))
 
 rows = ''
-for name in sorted(os.listdir(man)) if os.path.isdir(man) else []:
-    body = subprocess.check_output(['mandoc', '-T', 'html', '-O', 'fragment', os.path.join(man, name)], text=True)
-    write(f'man/{name}.html', name, body)
-    what = re.search('(?s)class="Nd"[^>]*>(.*?)<', body)
-    rows += f'<tr><td><a href="{name}.html">{name}</a></td><td>{what[1] if what else ""}</td></tr>'
+for path in sorted(Path(man).glob('*/*')):
+    name = path.name
+    body = subprocess.check_output(['mandoc', '-T', 'html', '-O', 'fragment', path], text=True)
+    write(f'man/{name}.html', name, re.sub(r'\b(knead[a-z-]*)\((\d)\)', r'<a href="\1.\2.html">\1(\2)</a>', body))
+    what = re.search(r'(?s)NAME</a></h1>.*? - (.*?)</', body)[1]
+    rows += f'<tr><td><a href="{name}.html">{name}</a></td><td>{what}</td></tr>'
 write('man/index.html', 'Commands', f'<h1>Commands</h1>\n<table>{rows}</table>')
 
 found = {os.path.relpath(os.path.join(folder, name), out): None for folder, _, names in os.walk(out) for name in names}

@@ -31,7 +31,7 @@ def agrees(promised, line):
     parts = re.split(rf'({NUMBER}|\.\.\.)', ' '.join(promised))
     numbers = [part for part in parts[1::2] if part != '...']
     parts[::2] = [re.escape(part) for part in parts[::2]]
-    parts[1::2] = ['.*' if part == '...' else f'({NUMBER})' for part in parts[1::2]]
+    parts[1::2] = ['.*?' if part == '...' else f'({NUMBER})' for part in parts[1::2]]
     match = re.fullmatch(''.join(parts), ' '.join(line.split()))
     return bool(match) and all(
         abs(float(is_) - float(said)) <= max(TOLERANCE * abs(float(said)), 1.001 * 10.0 ** -len(said.partition('.')[2]))

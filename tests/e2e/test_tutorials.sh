@@ -20,4 +20,6 @@ page_runs() { # page_runs PAGE
 for page in "$KN_SOURCE"/README.md "$KN_SOURCE"/clients/tutorials/*.md; do
     check "${page#"$KN_SOURCE"/} does what it says" page_runs "$page"
 done
+cmake --build "$KN_BUILD" --target doc >doc.log 2>&1 && built=yes
+check "the manual has no warning and no broken link: $(grep ' links$' doc.log)" [ "${built-no}" = yes ] || cat doc.log
 exit $failed
