@@ -15,44 +15,48 @@
 
 static const char usage[] =
     "usage: kneadd [SCENE] [OPTION]...\n\n"
-    "Serve one object to haptic devices and virtual hands: receive their poses over LCM, step the object once a\n"
-    "millisecond, and send back the forces. SIGINT or SIGTERM fade the forces to zero and end kneadd.\n\n"
-    "  SCENE             the object and its tools: a file, or a scene of Knead by its name, such as clay or liver;\n"
-    "                    knead check SCENE describes it (default: dough)\n"
-    "  --set KEY=VALUE   set a key of the scene, e.g. material.k1='300 gf/cm^3'; knead check --keys lists the keys\n"
-    "  --quality NAME    use this quality point of the scene: fast, balanced, accurate or own (its solver settings)\n"
-    "  --local-model     publish a local contact model of every tool as KNEAD_CONTACT_<probe>, for clients behind a\n"
-    "                    slow link\n"
-    "  --touch           publish touch patches of every tool as KNEAD_TOUCH_<probe>, 250 Hz, for fingertip displays\n"
-    "\ncontrol and state:\n"
+    "Serve one object to haptic devices and virtual hands. kneadd receives their poses over LCM, steps the object\n"
+    "once a millisecond (a tick), and sends back the forces. After SIGINT or SIGTERM the forces fade to zero, and\n"
+    "kneadd ends.\n\n"
+    "  SCENE             the object and its tools: a file, or a scene of Knead by its name, such as clay or liver\n"
+    "                    (default: dough); knead check SCENE describes it\n"
+    "  --set KEY=VALUE   set a key of the scene; knead check --keys lists the keys\n"
+    "  --quality NAME    quality point of the scene: fast, balanced, accurate or own (its solver settings)\n"
+    "  --local-model     publish a local contact model of every tool, for clients behind a slow link\n"
+    "  --touch           publish touch patches of every tool, 250 Hz, for fingertip displays\n\n"
+    "control and state:\n"
     "  --control PATH    open a control socket at PATH, for knead ctl\n"
     "  --state-dir DIR   save the object in DIR, at most every 0.5 s, and start with the scene's newest snapshot.\n"
     "                    An emergency stop then also outlasts a restart (default: neither save nor restore)\n"
     "  --trace FILE      write a CSV row per tick and probe: when the pose arrived, the tick began, the lattice was\n"
-    "                    stepped and the force was ready\n"
-    "\nmachine:\n"
+    "                    stepped and the force was ready\n\n"
+    "machine:\n"
     "  --realtime auto|require|off\n"
     "                    auto: use the real-time priority and the locked memory that the machine grants, and report\n"
     "                    what it refuses. require: exit 3 if it refuses any. off: request neither (default: auto)\n"
-    "  --phase lock|free lock: ticks follow the poses of the first engaged tool, and a pose waits only tens of us.\n"
+    "  --phase lock|free\n"
+    "                    lock: a tick begins when a pose of the first engaged tool comes; it waits only tens of us.\n"
     "                    free: ticks do not follow the poses (default: lock)\n"
     "  --threads 1|2     threads that step the lattice, each on a processor of its own. The results are the same.\n"
     "                    knead check shows what the second one brings (default: the scene's, else 1)\n"
     "  --backend cpu|fixed|DEVICE\n"
     "                    cpu: the processor, with the scene's solver. fixed: the processor, with the integer\n"
     "                    arithmetic of the circuit in hdl. DEVICE, a circuit: uart:/dev/ttyUSB0?baud=3000000,\n"
-    "                    pty:PATH, pcie:0000:01:00.0 or shm:NAME. If the circuit is lost, the processor continues "
-    "with\n"
-    "                    the same results (default: cpu)\n"
-    "\nnetwork:\n"
+    "                    pty:PATH, pcie:0000:01:00.0 or shm:NAME. If the circuit is lost, the processor continues\n"
+    "                    with the same results (default: cpu)\n\n"
+    "network:\n"
     "  --lcm-url URL     bus of poses, forces, status (default: LCM_DEFAULT_URL, else " KN_LCM_URL ")\n"
     "  --mesh-url URL    bus of meshes (default: " KN_MESH_URL ")\n"
     "  --lan IFACE       serve the network of this interface, not only this machine; needs --key or --peer, and URLs\n"
     "                    with ttl=1\n"
     "  --key FILE        accept only poses signed with this key (64 hexadecimal digits, mode 0600); sign forces, too\n"
-    "  --peer ADDRESS    accept poses from this address only; may be given up to 16 times. This is no authentication,\n"
-    "                    because an address can be forged\n"
-    "  --help, --version\n\n"
+    "  --peer ADDRESS    accept poses from this address only; may be given up to 16 times. This is no\n"
+    "                    authentication, because an address can be forged\n\n"
+    "Examples:\n"
+    "    kneadd clay\n"
+    "    kneadd dough --set material.k1='300 gf/cm^3' --quality fast\n"
+    "    mkdir state\n"
+    "    kneadd dough-small --touch --control control --state-dir state\n\n"
     "Exit codes: 0 stopped, 2 bad input, 3 the machine refuses something that kneadd needs.\n";
 
 typedef struct options {
@@ -73,7 +77,7 @@ static const char *take_backend(void *to, const char *text)
     const bool device = kn_backend_is_device(text);
     if (device && !kn_link_is_uri(text, why)) return fprintf(stderr, "kneadd: --backend %s\n", why), KN_OPTION_TOLD;
     if (device) o->def.object.device = text;
-    else if (kn_choice_of("cpu|fixed", text) < 0) return "--backend cpu, fixed, uart:, pty:, pcie: or shm:";
+    else if (kn_choice_of("cpu|fixed", text) < 0) return "cpu, fixed, uart:, pty:, pcie: or shm:";
     // The circuit and --backend fixed compute with the same integers, so both need the settings in kn_fixed_set.
     for (int i = 0; i < KN_FIXED_SETS && strcmp(text, "cpu") != 0; i++)
         o->sets[o->def.object.set_count++] = kn_fixed_set[i];
@@ -89,13 +93,13 @@ static const char *take_peer(void *to, const char *address)
 {
     kn_daemon_def *def = to;
     const bool good = def->peers < KN_PEERS_MAX && inet_pton(AF_INET, address, &def->peer[def->peers++]) == 1;
-    return good ? NULL : "--peer with an IPv4 address, 16 of them at most";
+    return good ? NULL : "an IPv4 address, 16 of them at most";
 }
 
 static const char *take_control(void *path, const char *text)
 {
     *(const char **)path = text;
-    return *text && strlen(text) <= KN_CONTROL_PATH ? NULL : "--control PATH of 1 to 107 bytes";
+    return *text && strlen(text) <= KN_CONTROL_PATH ? NULL : "a path of 1 to 107 bytes";
 }
 
 // Parse the options and run the daemon. `sets` has room for 2 * argc entries, because one option may add two settings.
@@ -107,15 +111,14 @@ static int run(int argc, char **argv, const char **sets)
         KN_OPTION("set", LIST, AT(sets), .count = offsetof(options, def.object.set_count)),
         KN_OPTION("lcm-url", TEXT, AT(def.lcm_url)),
         KN_OPTION("mesh-url", TEXT, AT(def.mesh_url)),
-        KN_OPTION("realtime", CHOICE, AT(def.realtime), .unit = "auto|require|off",
-                  .expected = "--realtime auto, require or off"),
+        KN_OPTION("realtime", CHOICE, AT(def.realtime), .unit = "auto|require|off"),
         KN_OPTION("backend", SPECIAL, .take = take_backend),
         KN_OPTION("control", SPECIAL, AT(def.control), .take = take_control),
         KN_OPTION("quality", LIST, AT(sets), .count = offsetof(options, def.object.set_count), .map = kn_quality_set,
                   .expected = kn_quality_names),
         KN_OPTION("threads", LIST, AT(sets), .count = offsetof(options, def.object.set_count), .map = threads_set,
-                  .expected = "--threads 1 or 2"),
-        KN_OPTION("phase", EITHER, AT(def.free), .unit = "lock|free", .expected = "--phase lock or free"),
+                  .expected = "1 or 2"),
+        KN_OPTION("phase", EITHER, AT(def.free), .unit = "lock|free"),
         KN_OPTION("trace", TEXT, AT(def.trace)),
         KN_OPTION("state-dir", TEXT, AT(def.object.state_dir)),
         KN_OPTION("key", TEXT, AT(def.key)),
@@ -124,9 +127,8 @@ static int run(int argc, char **argv, const char **sets)
         KN_OPTION("local-model", FLAG, AT(def.object.local_model)),
         KN_OPTION("touch", FLAG, AT(def.touch)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "kneadd",
-                                          .help = usage,        .version = "kneadd " KN_VERSION,
-                                          .value_first = true,  .always_named = true};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "kneadd", .help = usage,
+                                          .version = "kneadd " KN_VERSION};
     options o = {.def = {.realtime = KN_RT_AUTO, .object.sets = sets}, .sets = sets};
     kn_daemon_def *def = &o.def;
     char why[KN_LINK_WHY];

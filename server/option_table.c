@@ -3,6 +3,7 @@
 #include "core/scene/units.h"
 #include <assert.h>
 #include <getopt.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -80,7 +81,7 @@ static bool store(const kn_option *o, char *to, const char *text)
     case KN_OPTION_SET: return *(int *)field = (int)o->least, true;
     case KN_OPTION_CALL:
     case KN_OPTION_ANSWER: return o->call(), true;
-    case KN_OPTION_TEXT: return *(const char **)field = text, *text || !o->expected;
+    case KN_OPTION_TEXT: return *(const char **)field = text, true;
     case KN_OPTION_NUMBER: return kn_number_take(text, least, most, field);
     case KN_OPTION_REAL: return take_real(text, least, most, field);
     case KN_OPTION_INTEGER: return take_integer(o, text, field);
@@ -145,7 +146,7 @@ static void describe(const kn_option_table *t, struct option *list, char *letter
 {
     int n = 0;
     assert(t->options <= KN_OPTIONS_MAX);
-    letters += sprintf(letters, "%s%s%s", t->options_first ? "+" : "", t->unknown ? ":" : "", t->short_help ? "h" : "");
+    letters += sprintf(letters, "%s:h", t->options_first ? "+" : "");
     for (int i = 0; i < t->options; i++) {
         const kn_option *o = &t->option[i];
         const bool value = o->kind > KN_OPTION_RENAMED;
@@ -167,43 +168,44 @@ static const char *stopped_at(int c, char *const *argv)
     return c != '?' && c != ':' && optarg == last ? argv[optind - 2] : last;
 }
 
-// Return true if the message contains a place in a file, like "scene.yaml:14:9: ".
-static bool has_place(const char *text)
-{
-    for (const char *at = text; (at = strchr(at, ':')); at++) {
-        int length = 0;
-        // sscanf sets length only if the whole pattern matched.
-        if (sscanf(at, ":%*[0-9]:%*[0-9]:%n", &length) == 0 && length > 0 && at[length] == ' ') return true;
-    }
-    return false;
-}
-
-void kn_message_print(const char *program, bool always_named, const char *format, va_list args)
-{
-    char text[16384]; // room for a value as long as four file paths
-    vsnprintf(text, sizeof text, format, args);
-    // If the message begins with a place in a file, print no prefix, so that the place stays at the beginning of the
-    // line.
-    if (!always_named && has_place(text)) fprintf(stderr, "%s\n", text);
-    else fprintf(stderr, "%s: %s\n", program, text);
-}
-
 // Print the message on a mistake in the command line. Return the exit code.
-__attribute__((format(printf, 3, 4))) static int refuse(const kn_option_table *t, const char *program,
-                                                        const char *format, ...)
+__attribute__((format(printf, 2, 3))) static int refuse(const char *program, const char *format, ...)
 {
     va_list args;
     va_start(args, format);
-    kn_message_print(program, t->always_named, format, args);
+    fprintf(stderr, "%s: ", program);
+    vfprintf(stderr, format, args);
+    fputc('\n', stderr);
     va_end(args);
     return 2;
 }
 
-static int answer_help(const kn_option_table *t)
+// Return true if this command has the option.
+static bool has(const kn_option_table *t, const kn_option *o)
 {
-    if (t->print_help) t->print_help();
-    else fputs(t->help, stdout);
-    return 0;
+    return !o->belongs || strchr(o->belongs, t->experiment);
+}
+
+// Refuse an argument at which getopt_long stopped: an option without its value, with a value too many, or unknown.
+static int refuse_option(const kn_option_table *t, const char *program, int c, const char *text)
+{
+    if (c == ':') return refuse(program, "%s: expected a value", text);
+    if (c == '?' && optopt >= FIRST) return refuse(program, "%s: expected no value", text);
+    // Look for options that begin with the text, and for the most similar option.
+    char name[64], list[WORDS_MAX] = "";
+    const char *nearest = NULL;
+    int edits = 0, begin = 0, n = 0;
+    snprintf(name, sizeof name, "%.*s", (int)strcspn(text, "="), text);
+    for (int i = 0; i < t->options && !strncmp(name, "--", 2); i++) {
+        const kn_option *o = &t->option[i];
+        if (!has(t, o) || o->kind == KN_OPTION_RENAMED) continue;
+        if (!strncmp(o->name, name + 2, strlen(name + 2)) && n < WORDS_MAX)
+            n += snprintf(list + n, WORDS_MAX - (size_t)n, "%s--%s", begin++ ? ", " : "", o->name);
+        if (kn_word_nearer(name + 2, o->name, &edits)) nearest = o->name;
+    }
+    if (begin > 1) return refuse(program, "%s: could be any of %s", name, list);
+    if (nearest) return refuse(program, "%s: unknown option; did you mean --%s?", text, nearest);
+    return refuse(program, "%s: unknown option; --help lists them", text);
 }
 
 int kn_options_read(const kn_option_table *t, void *to, int argc, char **argv)
@@ -211,32 +213,23 @@ int kn_options_read(const kn_option_table *t, void *to, int argc, char **argv)
     struct option list[KN_OPTIONS_MAX + 3] = {{0}};
     char letters[2 * KN_OPTIONS_MAX + 4], made[WORDS_MAX];
     const char *program = t->program ? t->program : argv[0];
-    bool help = false;
     describe(t, list, letters);
     optind = 0; // restart getopt, because a process may read several command lines
     for (int c; (c = getopt_long(argc, argv, letters, list, NULL)) != -1;) {
         // Replace the letter of a short option by FIRST + i, where i is the row of the option in the table.
         for (int i = 0; i < t->options; i++)
             if (c == t->option[i].letter) c = FIRST + i;
-        if (c == '?' && !t->unknown) return 2; // getopt_long has printed the reason
         if (c == VERSION) return puts(t->version), 0;
-        if ((c == HELP || c == 'h') && !t->help_last) return answer_help(t);
-        if (c == HELP || c == 'h') {
-            help = true;
-            continue;
-        }
+        if (c == HELP || c == 'h') return t->print_help ? t->print_help() : (void)fputs(t->help, stdout), 0;
         const kn_option *o = c >= FIRST ? &t->option[c - FIRST] : NULL;
-        // If only other commands have this option (`belongs`), refuse it as unknown.
-        if (!o || (o->belongs && !strchr(o->belongs, t->experiment)))
-            return refuse(t, program, "%s: %s", stopped_at(c, argv), c == ':' ? "expected a value" : t->unknown);
-        if (o->kind == KN_OPTION_RENAMED) return refuse(t, program, "--%s is now %s", o->name, o->expected);
-        if (t->no_empty && optarg && !*optarg) return refuse(t, program, "--%s '': expected a value", o->name);
+        if (!o || !has(t, o)) return refuse_option(t, program, c, stopped_at(c, argv));
+        if (o->kind == KN_OPTION_RENAMED) return refuse(program, "--%s is now %s", o->name, o->expected);
+        if (optarg && !*optarg) return refuse(program, "--%s '': expected a value", o->name);
         if (o->given) *(bool *)((char *)to + o->given) = true;
-        const char *expected = (o->items ? take_items : take)(o, to, optarg, made), *quote = t->quotes ? "'" : "";
+        const char *expected = (o->items ? take_items : take)(o, to, optarg, made);
         if (expected && !*expected) return 2; // the message has already been printed
-        if (expected && t->value_first) return refuse(t, program, "%s: expected %s", optarg, expected);
-        if (expected) return refuse(t, program, "--%s %s%s%s: expected %s", o->name, quote, optarg, quote, expected);
+        if (expected) return refuse(program, "--%s %s: expected %s", o->name, optarg, expected);
         if (o->kind == KN_OPTION_ANSWER) return 0;
     }
-    return help ? answer_help(t) : KN_OPTIONS_READ;
+    return KN_OPTIONS_READ;
 }

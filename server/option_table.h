@@ -5,15 +5,16 @@
 //     KN_OPTION("zoom", NUMBER, .offset = offsetof(options, zoom), .expected = "0.2..20", KN_RANGE(0.2, 20)),
 //
 // kn_options_read stores the options of a command line in a struct. getopt_long splits the line, so an option may be
-// shortened, `--zoom 2` and `--zoom=2` are equal, and `--` ends the options. A mistake is one line on stderr:
+// shortened, `--zoom 2` and `--zoom=2` are equal, and `--` ends the options. -h means --help. A mistake is one line on
+// stderr:
 //
 //     knead view: --zoom 30: expected 0.2..20
+//     knead view: --colour: unknown option; did you mean --color?
 //
 // This file is in the folder server and not in clients, because kneadd has a command line too, and server must not
 // depend on clients.
 #include <float.h>
 #include <getopt.h> // for optind
-#include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -31,7 +32,7 @@ typedef enum kn_option_kind { // type of an option's field in the struct, and va
     KN_OPTION_CALL,           // no field: the function `call` is called; the option has no value
     KN_OPTION_ANSWER,         // no field: `call` prints an answer, then the program ends with exit code 0; no value
     KN_OPTION_RENAMED,        // no field: the option is refused, and the message names the new spelling `expected`
-    KN_OPTION_TEXT,           // const char *: the text itself, never empty if `expected` is set
+    KN_OPTION_TEXT,           // const char *: the text itself
     KN_OPTION_NUMBER,         // double: a number without unit, as in a scene (kn_number_take)
     KN_OPTION_REAL,           // double: a number that strtod accepts
     KN_OPTION_INTEGER,        // int: a decimal number, which may have a sign
@@ -80,18 +81,9 @@ typedef struct kn_option_table {
     const char *help;         // answer to --help
     void (*print_help)(void); // prints the answer to --help; NULL: `help` is printed
     const char *version;      // answer to --version; NULL: no such option
-    const char *unknown;      // message on an unknown option; NULL: getopt_long prints its own messages
     // Letter of this command in kn_option.belongs; options that only other commands have are unknown.
     char experiment;
-    bool short_help; // true: -h means --help
-    // True: --help is answered after the whole line was read, so that a mistake after --help is found.
-    bool help_last;
     bool options_first; // true: options end at the first argument that is not an option
-    bool quotes;        // true: messages quote the invalid value
-    bool value_first;   // true: messages begin with the invalid value; `expected` names the option
-    // True: messages begin with the program's name even if they name a place in a file (kn_message_print).
-    bool always_named;
-    bool no_empty; // true: no option accepts an empty text
 } kn_option_table;
 
 #define KN_OPTION_ROWS(rows) .option = rows, .options = (int)(sizeof(rows) / sizeof *(rows))
@@ -104,11 +96,6 @@ enum { KN_OPTIONS_READ = -1 };
 // optind to the first argument that is not an option. Otherwise the program must end with the returned exit code: 0
 // after --help and other answers, 2 after a mistake, whose message has been printed.
 int kn_options_read(const kn_option_table *table, void *to, int argc, char **argv);
-
-// Print a message on stderr: "knead check: what is wrong, what was expected". If the message begins with a place in a
-// file, such as "scene.yaml:14:9: ", it gets no prefix, because editors can jump to a place only at the beginning of a
-// line. always_named: print the prefix in every case.
-void kn_message_print(const char *program, bool always_named, const char *format, va_list args);
 
 // Read a quantity such as "3 kPa" into *value, converted to `unit`. Return true if the quantity has the dimension of
 // `unit` and lies in least..most. `bare`: accept a number without a unit, and take it in `unit`. If `unit` is "", the

@@ -5,17 +5,32 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdio.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
+// Return true if the message contains a place in a file, like "scene.yaml:14:9: ".
+static bool has_place(const char *text)
+{
+    for (const char *at = text; (at = strchr(at, ':')); at++) {
+        int length = 0;
+        // sscanf sets length only if the whole pattern matched.
+        if (sscanf(at, ":%*[0-9]:%*[0-9]:%n", &length) == 0 && length > 0 && at[length] == ' ') return true;
+    }
+    return false;
+}
+
 int kn_complain(const char *subcommand, int code, const char *format, ...)
 {
-    char program[64];
+    char text[16384]; // room for a value as long as four file paths
     va_list args;
-    snprintf(program, sizeof program, "knead %s", subcommand);
     va_start(args, format);
-    kn_message_print(program, false, format, args);
+    vsnprintf(text, sizeof text, format, args);
     va_end(args);
+    // If the message begins with a place in a file, print no prefix, so that the place stays at the beginning of the
+    // line.
+    if (has_place(text)) fprintf(stderr, "%s\n", text);
+    else fprintf(stderr, "knead %s: %s\n", subcommand, text);
     return code;
 }
 

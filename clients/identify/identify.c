@@ -15,21 +15,6 @@
 
 // ---- the options of creep, press, relax and sweep
 
-// Parse a strain such as 10% or 0.1. A blank before the percent sign is allowed.
-static const char *take_strain(void *strain, const char *text)
-{
-    char share[40];
-    size_t n = strlen(text);
-    bool percent = n > 1 && n < sizeof share && text[n - 1] == '%';
-    snprintf(share, sizeof share, "%s", text);
-    if (percent) share[n - 1] = 0;
-    if (percent && n > 2 && share[n - 2] == ' ') share[n - 2] = 0;
-    if (!kn_number_take(share, 1e-6, percent ? 90 : 0.9, strain))
-        return "a share of the height like 10% or 0.1, up to 90 %";
-    *(double *)strain /= percent ? 100 : 1;
-    return NULL;
-}
-
 // Parse a density. The limits are those of the scene's key `density`.
 static const char *take_density(void *density_kg_m3, const char *text)
 {
@@ -83,7 +68,8 @@ static const kn_option rows[] = {
     KN_OPTION("area", QUANTITY, AT(curve.area_m2), SI("m^2"), .expected = "an area like '1 cm^2'", .belongs = "cpr"),
     KN_OPTION("release", QUANTITY, AT(curve.release_s), SI("s"), .expected = "a time like 60 or '60 s'",
               .belongs = "cp"),
-    KN_OPTION("strain", SPECIAL, AT(curve.strain), .take = take_strain, .belongs = "r"),
+    KN_OPTION("strain", QUANTITY, AT(curve.strain), .unit = "1", KN_RANGE(1e-8, 0.9), .belongs = "r",
+              .expected = "a share of the height like 10% or 0.1, up to 90 %"),
     KN_OPTION("units", TEXT, AT(curve.units)),
     KN_OPTION("column", TEXT, AT(curve.roles)),
     KN_OPTION("shear", FLAG, AT(curve.shear), .belongs = "crs"),
@@ -119,8 +105,7 @@ static const kn_option rows[] = {
 static int parse_options(kn_identify_options *opt, const char *subcommand, char experiment, const char *help, int argc,
                          char **argv)
 {
-    const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .unknown = "unknown option; --help lists them",
-                                   .experiment = experiment, .quotes = true};
+    const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .experiment = experiment};
     *opt = (kn_identify_options){.subcommand = subcommand, .curve.subcommand = subcommand, .compliance_m_n = NAN};
     opt->file = calloc((size_t)argc, sizeof *opt->file);
     opt->creep = calloc((size_t)argc, sizeof *opt->creep);
@@ -308,22 +293,26 @@ static const struct {
     // NULL: the experiment is `shape`, which does not share the sequence of steps
     const kn_identify_experiment *experiment;
 } experiments[] = {
-    {"creep", "creep under one or several loads: find k1, c1 and the damper, with intervals", &kn_identify_creep},
-    {"press", "force and depth of presses with a tool: find the material of a lattice", &kn_identify_press},
-    {"relax", "stress relaxation at a held strain: find k1, c1 and the damper, and compare models", &kn_identify_relax},
-    {"shape", "range image and force of a pressed lump: find structure, inside pressure, stress area", NULL},
-    {"sweep", "storage and loss modulus over frequency: find the springs and dampers that the data support",
-     &kn_identify_sweep},
+    {"creep", "fit a material to the strain of a specimen under a weight and after it", &kn_identify_creep},
+    {"press", "fit the material of a lattice to force and depth of presses with a tool", &kn_identify_press},
+    {"relax", "fit a material to the stress in a specimen that is held compressed", &kn_identify_relax},
+    {"shape", "find structure and inside pressure of a pressed lump by its range image and force", NULL},
+    {"sweep", "fit springs and dampers to storage and loss modulus over frequency", &kn_identify_sweep},
 };
 enum { EXPERIMENTS = sizeof experiments / sizeof *experiments };
 
 static void print_help(void)
 {
-    printf("usage: knead identify COMMAND [OPTION]... FILE...\n\n"
-           "Fit the parameters of a virtual object to measurements of a real specimen.\n"
-           "Each parameter is stated with its uncertainty.\n\n");
+    fputs(
+        "usage: knead identify COMMAND [OPTION]... FILE...\n\n"
+        "Fit a virtual object to measurements of a real one. The output has the parameters with 95 % intervals, and a\n"
+        "material or a scene that kneadd serves. `knead help identify COMMAND` describes a command.\n\n",
+        stdout);
     for (int i = 0; i < EXPERIMENTS; i++) printf("  %-6s %s\n", experiments[i].name, experiments[i].summary);
-    printf("\n`knead identify COMMAND --help` lists the options.\n");
+    puts("\nExamples:\n"
+         "    knead creep dough --csv creep.csv\n"
+         "    knead identify creep creep.csv --height 1cm --area 1cm^2 --out mine.yaml\n\n"
+         "Exit codes: 0 ok, 1 the fit cannot be used, 2 bad input, 3 a file cannot be written.");
 }
 
 int kn_identify_main(int argc, char **argv)
@@ -344,5 +333,6 @@ int kn_identify_main(int argc, char **argv)
         return code;
     }
     return kn_complain("identify", KN_EXIT_USAGE,
-                       "expected creep, press, relax, sweep or shape; see knead identify --help");
+                       "%s: expected creep, press, relax, sweep or shape; see knead identify --help",
+                       argc > 1 ? argv[1] : "no command");
 }

@@ -43,21 +43,21 @@ typedef struct kn_identify_options {
 
 // Parts of the help text: of all experiments, of creep, relax and sweep, of creep and relax.
 #define KN_IDENTIFY_COLUMN_HELP                                                                                        \
-    "  --column NAME=QUANTITY,...  quantities of columns whose names are not known, e.g. Crosshead=displacement\n"
+    "  --column NAME=QUANTITY,...\n"                                                                                   \
+    "                         quantities of columns whose names are not known, e.g. Crosshead=displacement\n"
 #define KN_IDENTIFY_SHEAR_HELP                                                                                         \
-    "  --shear, --compression read all files as of shear, or of compression (default: as the columns' names say)\n"    \
+    "  --shear, --compression\n"                                                                                       \
+    "                         read all files as of shear, or of compression (default: as the columns' names say)\n"    \
     "  --poisson NU           Poisson's ratio nu, for E = 2 (1 + nu) G of a file in shear (default: 0.5, E = 3 G)\n"
 #define KN_IDENTIFY_OUTPUT_HELP                                                                                        \
-    "  --out FILE        the material, for `material: FILE` of a scene; the interval of every parameter is in a "      \
-    "comment\n"                                                                                                        \
-    "  --density D       density of the material, written to the file (default: 1.2 g/cm^3, with a remark)\n"          \
-    "  --report DIR      folder for a page, DIR/index.html, with all results, the plots, the curves and the "          \
-    "material\n"                                                                                                       \
-    "  --png FILE        plot of readings, fit and residuals, by gnuplot\n"                                            \
-    "  --csv FILE        table of readings and fit\n"                                                                  \
-    "  --json            print the results as JSON\n"                                                                  \
-    "  --no-models       do not compare the result with other material models\n"                                       \
-    "  --cut TIME        fit other models before TIME, test them after it (default: a time chosen from the data)\n"
+    "  --out FILE             the material, for `material: FILE` of a scene, with an interval for every parameter\n"   \
+    "  --density D            density of the material, written to the file (default: 1.2 g/cm^3, with a remark)\n"     \
+    "  --report DIR           folder for a page, DIR/index.html, with all results, plots, curves and the material\n"   \
+    "  --png FILE             plot of readings, fit and residuals (needs gnuplot)\n"                                   \
+    "  --csv FILE             table of readings and fit\n"                                                             \
+    "  --json                 print the results as JSON\n"                                                             \
+    "  --no-models            do not compare the result with other material models\n"                                  \
+    "  --cut TIME             fit other models before TIME, test them after it (default: chosen from the data)\n"
 
 // ---- the fit of sweep (sweep_command.c)
 //

@@ -24,14 +24,22 @@
 #include <unistd.h>
 
 static const char usage[] =
-    "usage: knead check SCENE [--set KEY=VALUE]...   describe a scene: size, cost, warnings\n"
-    "       knead check SCENE --quality NAME         describe the scene at its quality point NAME\n"
-    "       knead check SCENE --log LOG              replay a log on the scene and on its uniform lattice\n"
-    "                                                (exit 1 if the scene misses its object.accuracy)\n"
-    "       knead check --keys                       list every key of a scene: unit, range, default, meaning\n"
-    "       knead check SCENE --text                 print the scene with every value written out, in SI units\n"
-    "       knead check SCENE --json                 print the main figures and all warnings as JSON\n\n"
-    "An unusable scene is reported in one line, file:line:col: what is wrong, what was expected, with exit code 2.\n";
+    "usage: knead check SCENE [OPTION]...\n"
+    "       knead check --keys\n\n"
+    "Describe a scene: size, cost, warnings. SCENE is a file, or the name of a scene that comes with Knead. An\n"
+    "unusable scene is reported in one line, file:line:col: what is wrong, what was expected, with exit code 2.\n\n"
+    "  --set KEY=VALUE   set a key of the scene\n"
+    "  --quality NAME    describe the scene at its quality point NAME\n"
+    "  --log LOG         for a scene with object.accuracy: replay a log with its wider cells and without them; exit 1\n"
+    "                    if the forces differ by more than the scene's object.accuracy\n"
+    "  --text            print the scene with every value written out, in SI units\n"
+    "  --json            print the main figures and all warnings as JSON\n"
+    "  --keys            list every key of a scene: unit, range, default, meaning\n\n"
+    "Examples:\n"
+    "    knead check dough\n"
+    "    knead check bun --set material=clay --json\n"
+    "    knead check dough --text >copy.yaml && knead check copy.yaml\n\n"
+    "Exit codes: 0 ok, 1 the object.accuracy is missed, 2 bad input.\n";
 
 // Print a warning and add it to the JSON list `warnings`.
 __attribute__((format(printf, 1, 2))) static void warn(const char *format, ...)
@@ -654,7 +662,7 @@ static int run(options *o, int argc, char **argv)
         KN_OPTION("log", TEXT, AT(log)),
         KN_OPTION("json", FLAG, AT(json)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = usage, .short_help = true};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = usage};
     const int code = kn_options_read(&table, o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (argc - optind != 1) return kn_complain("check", KN_EXIT_USAGE, "expected one scene file; see --help");

@@ -72,8 +72,11 @@ _knead() {
     if [ "$word" = = ]; then word=; elif [ "$before" = = ]; then before=${COMP_WORDS[COMP_CWORD - 2]}; fi # --option=value
     if [ "${program##*/}" = knead ]; then
         known=$("$program" --help 2>/dev/null | sed -n 's/^  \([a-z]*\) .*/\1/p')
+        if [ "${COMP_WORDS[1]}" = help ] && [ "$COMP_CWORD" -gt 1 ]; then # knead help NAME is completed as knead NAME
+            COMP_WORDS=("$program" "${COMP_WORDS[@]:2}") COMP_CWORD=$((COMP_CWORD - 1))
+        fi
         if [ "$COMP_CWORD" = 1 ]; then
-            COMPREPLY=($(compgen -W "$known"$'\n--help\n--version' -- "$word"))
+            COMPREPLY=($(compgen -W "$known"$'\nhelp\n--help\n--version' -- "$word"))
             return
         fi
         case $'\n'$known$'\n' in *$'\n'"${COMP_WORDS[1]}"$'\n'*) ;; *) return ;; esac # run known subcommands only

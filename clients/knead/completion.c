@@ -14,11 +14,12 @@ __asm__(".section .rodata\ncompletion_bash: .incbin \"" KN_CLIENTS_DIR
 
 static const char help[] =
     "usage: knead completion [bash|zsh]\n\n"
-    "Prints the shell completion of knead, kneadd and knead-simdev: subcommands, options, their values, keys of a\n"
-    "scene, files. When Tab is pressed, the completion reads the --help of these programs.\n\n"
-    "    source <(knead completion)         in this bash; add the line to ~/.bashrc for every bash\n"
-    "    source <(knead completion zsh)     in this zsh\n\n"
-    "cmake --install puts the completion where the package bash-completion finds it.\n\n"
+    "Print the shell completion of knead, kneadd and knead-simdev: commands, options, their values, keys of a\n"
+    "scene, files. When Tab is pressed, the completion reads the --help of these programs. An installation has the\n"
+    "completion where bash and zsh find it. Otherwise `source <(knead completion)` loads it into this shell.\n\n"
+    "Examples:\n"
+    "    knead completion >knead.bash\n"
+    "    knead completion zsh >knead.zsh\n\n"
     "Exit codes: 0 ok, 2 bad input.\n";
 
 int kn_completion_main(int argc, char **argv)

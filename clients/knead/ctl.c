@@ -16,15 +16,15 @@
 
 static const char help[] =
     "usage: knead ctl [--control PATH] [--json] COMMAND [ARGUMENT]...\n\n"
-    "Sends a control command to a running kneadd, through the socket that kneadd's option --control names.\n\n"
+    "Send a control command to a running kneadd, through the socket that kneadd's option --control names.\n\n"
     "  status           print mode, faults and their remedies, servo loop, connection of every tool, safety actions.\n"
     "                   Without --json, zeros are left out. server/README.md explains the names\n"
     "  reset            restore the initial object; forces fade out, and tools engage again once lifted clear\n"
     "  quality NAME     switch to the quality point fast, balanced, accurate or own; the force fades to zero and back\n"
-    "  set KEY=VALUE... set keys of the scene (see 'knead check --keys'); the object keeps its present shape.\n"
-    "                   The force on a hand fades to zero and back. Limits of the device can be lowered, never raised\n"
-    "  load [FILE]      check the scene FILE and start again with this scene.\n"
-    "                   Without FILE, the file of the present scene is read again\n"
+    "  set KEY=VALUE...\n"
+    "                   set keys of the scene; the object keeps its present shape. The force on a hand fades to zero\n"
+    "                   and back. Limits of the device can be lowered, never raised\n"
+    "  load [SCENE]     check the scene and start again with it; without SCENE, read the present scene's file again\n"
     "  snapshot         save the object to a file, and answer once the file is on disk; needs kneadd --state-dir\n"
     "  restore [N]      restore the object from your snapshot N, or from the newest of yours and the server's own.\n"
     "                   Instead of N: the name of a file in the directory of kneadd --state-dir\n"
@@ -35,6 +35,11 @@ static const char help[] =
     "  stop             fade the forces to zero and end kneadd, as SIGTERM does\n\n"
     "  --control PATH   control socket (default: KNEAD_CONTROL of the environment, else " KN_LIVE_SERVER_CONTROL ")\n"
     "  --json           print the answer as received, one JSON object\n\n"
+    "Examples:\n"
+    "    knead ctl --control control status\n"
+    "    knead ctl --control control set material.k1='300 gf/cm^3'\n"
+    "    knead ctl --control control snapshot\n"
+    "    knead ctl --control control load dough-small\n\n"
     "Exit codes: 0 done, 2 refused, 3 no server on the socket.\n";
 
 typedef struct options {
@@ -48,7 +53,7 @@ static int parse(options *o, int argc, char **argv)
         KN_OPTION("control", TEXT, .offset = offsetof(options, path)),
         KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     *o = (options){.path = kn_live_server_control()};
     const int code = kn_options_read(&table, o, argc, argv);
     if (code != KN_OPTIONS_READ || optind < argc) return code;

@@ -16,7 +16,7 @@ __asm__(".section .rodata\ndemo_bash: .incbin \"" KN_CLIENTS_DIR "/knead/demo.ba
 
 static const char help[] =
     "usage: knead demo [SCENE] [OPTION]...\n\n"
-    "Serves an object, presses it once with a virtual hand, and opens a page on which the mouse presses it.\n"
+    "Serve an object, press it once with a virtual hand, and open a page on which the mouse presses it.\n"
     "Messages stay on this machine: LCM's multicast group is routed to the loopback device as long as the demo runs.\n"
     "A user who may not add this route gets a network namespace instead.\n\n"
     "  SCENE              scene to serve (default: dough)\n"
@@ -25,8 +25,8 @@ static const char help[] =
     "  --set KEY=VALUE    set a key of the scene; knead check --keys lists them\n"
     "  --quality NAME     quality point of the scene: fast, balanced, accurate or own\n\n"
     "Examples:\n"
-    "  knead demo --once\n"
-    "  knead demo jelly --out jelly-demo --once\n\n"
+    "    knead demo --once\n"
+    "    knead demo jelly --out jelly-demo --once\n\n"
     "Exit codes: 0 done, 2 bad input, 3 the machine refuses, or (--once) three presses were disturbed.\n";
 
 #define SETS 64

@@ -22,29 +22,36 @@
 #define MOMENTS_MAX 100000 // largest number of moments, because file names have five digits for the moment's index
 
 static const char help[] =
-    "usage: knead export LOG --vtk DIR [OPTION]...        export a recording, stepped through the daemon's servo\n"
-    "       knead export --scene S --vtk DIR [OPTION]...  export the object of a scene at rest\n\n"
-    "Writes an object as files for other programs, in SI units. The name of each quantity ends with its unit.\n"
-    "At least one of the outputs --vtk, --ply, --csv and --mcap is required:\n\n"
-    "  --vtk DIR          files for ParaView and VTK: object.pvd and edges.pvd.\n"
-    "                     DIR/object.pvd has the volume of every cell, the tools and their forces, and at every node\n"
-    "                     displacement, velocity, von Mises stress, residual strain and contact force.\n"
-    "                     DIR/edges.pvd has stress, strain and residual strain of every edge\n"
-    "  --ply PATH         files for MeshLab and Open3D: the surface with its normals.\n"
-    "                     Each vertex has the quantity of --color as a colour and as a number named quality.\n"
-    "                     With --at or --scene, PATH is a file. Otherwise PATH is a folder with one file per moment\n"
-    "  --csv FILE         a table of the exported part of the recording: one row for each tick and live probe.\n"
-    "                     The columns are those of knead replay --csv\n"
-    "  --mcap FILE        file for Foxglove and other readers of MCAP: poses and forces of every tick,\n"
-    "                     and the surface with the tools at every moment, as JSON. Each topic has its schema\n\n"
-    "  --from S, --to S   part of the recording, in seconds since its first session began (default: all of it)\n"
-    "  --every S          interval between two exported moments, in seconds, 0.001 or more (default: 0.1)\n"
-    "  --at SECONDS|end   export this moment only\n"
+    "usage: knead export LOG [OPTION]...\n"
+    "       knead export --scene SCENE [OPTION]...\n\n"
+    "Write an object as files for other programs, in SI units: a recording, stepped through the daemon's servo, or\n"
+    "the object of a scene at rest. The name of each quantity ends with its unit. At least one output is required.\n"
+    "Either all outputs appear, complete, or none of them.\n\n"
+    "outputs:\n"
+    "  --vtk DIR          files for ParaView and VTK, in a new folder. object.pvd has the volume of every cell, the\n"
+    "                     tools and their forces, and at every node displacement, velocity, von Mises stress,\n"
+    "                     residual strain and contact force. edges.pvd has stress, strain and residual strain of\n"
+    "                     every edge\n"
+    "  --ply PATH         files for MeshLab and Open3D: the surface with its normals. Each vertex has the quantity of\n"
+    "                     --color as a colour and as a number named quality. With --at or --scene, PATH is a file.\n"
+    "                     Otherwise PATH is a folder with one file per moment\n"
+    "  --csv FILE         a row for each tick and live probe, with the columns of knead replay --csv\n"
+    "  --mcap FILE        file for Foxglove and other readers of MCAP: poses and forces of every tick, and the\n"
+    "                     surface with the tools at every moment, as JSON with schemas\n\n"
+    "options:\n"
+    "  --scene SCENE      export this scene: a file or a name\n"
+    "  --from TIME, --to TIME\n"
+    "                     part of the recording, from the start of its first session (default: all of it)\n"
+    "  --every TIME       interval between two exported moments, 1 ms or more (default: 100 ms)\n"
+    "  --at TIME|end      export this moment only\n"
     "  --color WHAT       displacement, stress (von Mises) or residual: quantity in --ply (default: displacement)\n"
     "  --top QUANTITY     upper end of the colour scale, e.g. '5 kPa', '2 mm', 0.1 (default: maximum in the file).\n"
     "                     Required for a folder, so that a colour means the same value in all files\n"
     "  --snapshot PATH    as in knead replay: snapshot of the run, if the log begins on a kneaded object\n\n"
-    "DIR must be new or an empty folder; a FILE is replaced. Either all outputs appear, complete, or none of them.\n"
+    "Examples:\n"
+    "    knead export press.lcmlog --vtk frames --every '500 ms'\n"
+    "    knead export press.lcmlog --at end --ply end.ply --color stress\n"
+    "    knead export --scene bun --vtk bun\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 typedef struct options {
@@ -209,17 +216,17 @@ static int parse(int argc, char **argv, options *o)
         KN_OPTION("csv", TEXT, AT(csv)),
         KN_OPTION("mcap", TEXT, AT(mcap)),
         KN_OPTION("scene", SPECIAL, AT(scene), .take = kn_scene_take),
-        KN_OPTION("from", NUMBER, AT(from_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
-        KN_OPTION("to", NUMBER, AT(to_s), KN_RANGE(-1e9, 1e9), .expected = "seconds", SPACED),
-        KN_OPTION("every", NUMBER, AT(every_s), KN_RANGE(0.001, 1e9), SPACED,
-                  .expected = "seconds, 0.001 or more: a tick is a millisecond"),
+        KN_OPTION("from", QUANTITY, AT(from_s), .unit = "s", KN_RANGE(-1e9, 1e9), .expected = "a time like '2 s'",
+                  SPACED),
+        KN_OPTION("to", QUANTITY, AT(to_s), .unit = "s", KN_RANGE(-1e9, 1e9), .expected = "a time like '4 s'", SPACED),
+        KN_OPTION("every", QUANTITY, AT(every_s), .unit = "s", KN_RANGE(0.001, 1e9), SPACED,
+                  .expected = "a time of 1 ms or more: a tick is a millisecond"),
         KN_OPTION("at", SPECIAL, AT(at_s), .take = kn_moment_take),
         KN_OPTION("color", CHOICE, AT(measure), .unit = KN_MEASURE_WORDS),
         KN_OPTION("top", TEXT, AT(top)),
         KN_OPTION("snapshot", TEXT, AT(snapshot)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .no_empty = true,
-                                          .unknown = "no such option; knead export --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     const int code = kn_options_read(&table, o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) o->log = argv[optind++];

@@ -3,8 +3,8 @@
 #include "clients/knead/latency.h"
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
-#include "clients/cli/output.h"
 #include "clients/cli/plot.h"
+#include "clients/cli/result.h"
 #include "clients/hand/bus_client.h"
 #include "clients/hand/session_record.h"
 #include "clients/hand/tool_height.h"
@@ -20,24 +20,25 @@
 
 static const char help[] =
     "usage: knead latency [SCENE] [OPTION]...\n\n"
-    "Measures the time from a pose to the force that answers it.\n"
-    "A hand presses the scene's first tool into the object and sends 1000 poses a second.\n"
-    "A kneadd with its own buses is started for the measurement.\n"
-    "In the same milliseconds an LCM echo, without kneadd, answers the same messages for comparison.\n\n"
-    "  SCENE             scene to serve (default: dough, 847 nodes)\n"
-    "  --seconds N       measure for N seconds, 1 to 3600 (default: 10)\n"
+    "Measure the time from a pose to the force that answers it. A hand presses the scene's first tool into the\n"
+    "object and sends 1000 poses a second to a kneadd that is started for the measurement. In the same milliseconds\n"
+    "an LCM echo, without kneadd, answers the same messages for comparison. If a newer pose replaces a pose before\n"
+    "kneadd has used it, the older pose is missed. Its latency is measured to the first answer to a later pose.\n\n"
+    "  SCENE             scene to serve, a file or a name (default: dough, 847 nodes)\n"
+    "  --seconds TIME    measure for this time, 1 s to 1 h (default: 10 s)\n"
     "  --phase MODE      lock or free: kneadd's --phase (default: lock)\n"
     "  --lcm-url URL     measure the kneadd that already serves URL, with the tool in the air 5 cm above the object.\n"
     "                    The stages are not measured, because only a kneadd started by this program reports them\n"
-    "  --contract A,B    limits in us, or none (default: 60,150).\n"
-    "                    The p50 may be at most the LCM echo's p50 + the execution's p50 + A.\n"
-    "                    The p99 may be at most the LCM echo's p99 + the execution's p99 + B\n"
+    "  --contract A,B    two times, or none (default: '60 us,150 us').\n"
+    "                    The p50 may be at most the LCM echo's p50 + the tick's p50 + A.\n"
+    "                    The p99 may be at most the LCM echo's p99 + the tick's p99 + B\n"
     "  --drift PPM       how much slower the hand's clock runs than kneadd's (default: 100)\n"
-    "  --json FILE       write all results as JSON\n"
-    "  --plot FILE       draw the distributions as PNG (needs gnuplot)\n"
-    "  --help, --version\n\n"
-    "If a newer pose replaces a pose before kneadd has used it, the older pose is counted as missed.\n"
-    "The latency of a missed pose is measured to the first answer to a later pose.\n"
+    "  --json            print the results as JSON\n"
+    "  --png FILE        draw the distributions (needs gnuplot)\n\n"
+    "Examples:\n"
+    "    knead latency\n"
+    "    knead latency dough-small --seconds 2 --contract none --json\n"
+    "    knead latency --phase free --seconds 2 --contract none --png latency.png\n\n"
     "Exit codes: 0 ok, 1 the contract is not met, 2 bad input, 3 kneadd or the bus is not available.\n";
 
 // above_m: height of the tool above the object, m. years_s: duration of a path in which the tool stands still, s;
@@ -46,7 +47,7 @@ static const double above_m = 0.05, years_s = 1e8;
 static const double deep = 0.3; // depth of the press as a share of the object's height
 
 typedef struct options {
-    const char *scene, *phase, *url, *json, *plot;
+    const char *scene, *phase, *url, *png;
     double seconds; // duration of the measurement, s; a whole number
     double drift_ppm, contract_us[2];
 } options;
@@ -63,10 +64,12 @@ static void on_signal(int number)
 static const char *take_contract(void *to, const char *text)
 {
     double *us = to;
-    char rest;
+    char p50[32], p99[32], rest;
     if (!strcmp(text, "none")) return us[0] = us[1] = -1, NULL;
-    if (sscanf(text, "%lf,%lf%c", &us[0], &us[1], &rest) == 2 && us[0] >= 0 && us[1] >= 0) return NULL;
-    return "two times in us, like 60,150, or none";
+    if (sscanf(text, "%31[^,],%31[^,]%c", p50, p99, &rest) == 2 &&
+        kn_quantity_read(p50, "us", false, 0, 1e12, &us[0]) && kn_quantity_read(p99, "us", false, 0, 1e12, &us[1]))
+        return NULL;
+    return "two times, like '60 us,150 us', or none";
 }
 
 // Read the command-line options and check that they can be combined.
@@ -74,16 +77,17 @@ static int parse(options *o, int argc, char **argv)
 {
 #define AT(member) .offset = offsetof(options, member)
     static const kn_option rows[] = {
-        KN_OPTION("seconds", REAL, AT(seconds), KN_RANGE(1, 3600)),
+        KN_OPTION("seconds", QUANTITY, AT(seconds), .unit = "s", KN_RANGE(1, 3600),
+                  .expected = "a time from 1 to 3600 s"),
         KN_OPTION("phase", TEXT, AT(phase)),
         KN_OPTION("lcm-url", TEXT, AT(url)),
         KN_OPTION("contract", SPECIAL, AT(contract_us), .take = take_contract),
         KN_OPTION("drift", REAL, AT(drift_ppm), KN_RANGE(-1000, 1000)),
-        KN_OPTION("json", TEXT, AT(json)),
-        KN_OPTION("plot", TEXT, AT(plot)),
+        KN_OPTION("json", CALL, .call = kn_result_open),
+        KN_OPTION("png", TEXT, AT(png)),
+        KN_OPTION("plot", RENAMED, .expected = "--png FILE"),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
-                                          .unknown = "unknown option; knead latency --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     char error[256];
     *o = (options){.seconds = 10, .drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
     const int code = kn_options_read(&table, o, argc, argv);
@@ -159,8 +163,8 @@ static int report(const options *o, const kn_scene *scene, const kn_latency *l)
     int code = KN_EXIT_INTERNAL;
     if (kn_latency_sort(&r, l)) {
         bool kept = kn_latency_print(&r, l);
-        code = o->json ? kn_latency_json(&r, l, o->json) : KN_EXIT_OK;
-        if (code == KN_EXIT_OK && o->plot) code = kn_latency_plot(&r, o->plot);
+        kn_latency_json(&r, l);
+        code = o->png ? kn_latency_plot(&r, o->png) : KN_EXIT_OK;
         if (code == KN_EXIT_OK && !kept) code = KN_EXIT_FAILED;
     }
     kn_latency_report_free(&r);
@@ -195,8 +199,7 @@ int kn_latency_main(int argc, char **argv)
     int code = parse(&o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     // Check first that the output files can be written, because a measurement may take an hour.
-    if (o.json && (code = kn_output_try("latency", o.json)) != KN_EXIT_OK) return code;
-    if (o.plot && (code = kn_plot_try("latency", o.plot)) != KN_EXIT_OK) return code;
+    if (o.png && (code = kn_plot_try("latency", o.png)) != KN_EXIT_OK) return code;
     char error[512] = "";
     const char *path = o.scene;
     if (!path && kn_command_scene("latency", &path, "dough") != KN_EXIT_OK) return KN_EXIT_USAGE;

@@ -119,8 +119,9 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l);
 // Return true if the contract of one percentile is kept: p50 if `which` is 0, p99 if it is 1. Store the measured
 // latency in `*is_us` and the allowed latency in `*allowed_us`.
 bool kn_latency_kept(const kn_latency_report *r, int which, double *is_us, double *allowed_us);
-// Write the results as JSON, or draw them as a picture. Return an exit code.
-int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char *path);
+// Add the results to those of --json.
+void kn_latency_json(const kn_latency_report *r, const kn_latency *l);
+// Draw the results as a picture. Return an exit code.
 int kn_latency_plot(const kn_latency_report *r, const char *path);
 
 #endif

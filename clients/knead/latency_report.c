@@ -1,8 +1,8 @@
 // Results of knead latency: table, contract, JSON, picture.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
-#include "clients/cli/output.h"
 #include "clients/cli/plot.h"
+#include "clients/cli/result.h"
 #include "clients/knead/latency.h"
 #include "core/algebra/algebra.h"
 #include <errno.h>
@@ -12,7 +12,7 @@
 
 // Columns of the table: percentiles of the latency, as shares of the poses. The share 1 gives the maximum.
 static const double shares[] = {0.5, 0.9, 0.99, 0.999, 1.0};
-static const char *const share_names[] = {"p50", "p90", "p99", "p99_9", "max"};
+static const char *const share_names[] = {"p50_us", "p90_us", "p99_us", "p99_9_us", "max_us"};
 enum { SHARES = 5 };
 
 static const struct {
@@ -140,53 +140,32 @@ bool kn_latency_print(const kn_latency_report *r, const kn_latency *l)
     return kept;
 }
 
-// Write a member with a number to the JSON file. Write null for infinity and NAN, which JSON cannot represent.
-static void put_number(FILE *f, const char *key, double us)
+void kn_latency_json(const kn_latency_report *r, const kn_latency *l)
 {
-    if (isfinite(us)) fprintf(f, ", \"%s_us\": %.3f", key, us);
-    else fprintf(f, ", \"%s_us\": null", key);
-}
-
-// Write a text as a JSON string. Control characters are left out.
-static void put_text(FILE *f, const char *text)
-{
-    fputc('"', f);
-    for (; *text; text++) {
-        if (*text == '"' || *text == '\\') fputc('\\', f);
-        if ((unsigned char)*text >= ' ') fputc(*text, f);
-    }
-    fputc('"', f);
-}
-
-int kn_latency_json(const kn_latency_report *r, const kn_latency *l, const char *path)
-{
-    kn_beside out;
-    if (!kn_beside_write(&out, path)) return kn_complain("latency", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-    FILE *f = out.file;
-    fputs("{\"scene\": ", f);
-    put_text(f, r->scene);
-    fprintf(f, ", \"nodes\": %d, \"phase\": %s%s%s, \"real_time\": %s, \"drift_ppm\": %g,\n \"series\": {", r->nodes,
-            r->phase ? "\"" : "", r->phase ? r->phase : "null", r->phase ? "\"" : "", l->real_time ? "true" : "false",
-            l->drift_ppm);
+    json_t *to = kn_result(), *all = json_object();
+    kn_result_text(to, "scene", r->scene);
+    kn_result_integer(to, "nodes", r->nodes);
+    if (r->phase) kn_result_text(to, "phase", r->phase);
+    kn_result_bool(to, "real_time", l->real_time);
+    kn_result_number(to, "drift_ppm", l->drift_ppm);
     for (int w = 0; w < KN_SERIES_COUNT; w++) {
         const kn_series *s = &r->series[w];
-        fprintf(f, "%s\n  \"%s\": {\"count\": %d, \"missed\": %d", w ? "," : "", series[w].key, s->count, s->missed);
-        for (int n = 0; n < SHARES; n++) put_number(f, share_names[n], kn_series_at(s, shares[n]));
-        fputc('}', f);
+        json_t *one = json_object();
+        kn_result_integer(one, "count", s->count);
+        kn_result_integer(one, "missed", s->missed);
+        for (int n = 0; n < SHARES; n++) kn_result_number(one, share_names[n], kn_series_at(s, shares[n]));
+        json_object_set_new(all, series[w].key, one);
     }
-    fputs("},\n \"contract\": [", f);
-    for (int n = 0, some = 0; n < 2; n++) {
+    json_object_set_new(to, "series", all);
+    for (int n = 0; n < 2; n++) {
         double is_us, allowed_us;
         if (r->contract_us[n] < 0) continue;
-        bool kept = kn_latency_kept(r, n, &is_us, &allowed_us);
-        fprintf(f, "%s{\"of\": \"%s\", \"kept\": %s", some++ ? ", " : "", share_names[n ? 2 : 0],
-                kept ? "true" : "false");
-        put_number(f, "is", is_us);
-        put_number(f, "allowed", allowed_us);
-        fputc('}', f);
+        json_t *one = kn_result_add("contract");
+        kn_result_text(one, "of", share_names[n ? 2 : 0]);
+        kn_result_bool(one, "kept", kn_latency_kept(r, n, &is_us, &allowed_us));
+        kn_result_number(one, "is_us", is_us);
+        kn_result_number(one, "allowed_us", allowed_us);
     }
-    fputs("]}\n", f);
-    return kn_output_close(&out, "latency");
 }
 
 // Draw the share of the poses that were answered within a time, against this time. The axis of the share is in nines

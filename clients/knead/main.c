@@ -1,6 +1,7 @@
 // knead: all tools for the daemon kneadd in one command, with one file per subcommand. See commands.h.
 #include "clients/cli/commands.h"
 #include "clients/cli/result.h"
+#include "core/scene/keys.h"
 #include "server/rt.h"
 #include <stdbool.h>
 #include <stdio.h>
@@ -19,42 +20,54 @@ static const command commands[] = {
 
 static void print_help(FILE *out)
 {
-    fprintf(out, "knead: feel, record and replay deformable objects that flow. The daemon kneadd serves them.\n\n"
-                 "usage: knead SUBCOMMAND [OPTION]...\n\n");
-    for (const command *c = commands; c->name; c++) fprintf(out, "  %-10s %s\n", c->name, c->summary);
+    fprintf(out, "usage: knead COMMAND [OPTION]...\n\n"
+                 "Feel, record and replay deformable objects that flow. The daemon kneadd serves them. `knead help\n"
+                 "COMMAND` describes a command; `knead --version` prints the version.\n\n");
+    for (const command *c = commands; c->name; c++) fprintf(out, "  %-11s %s\n", c->name, c->summary);
     fprintf(out,
-            "\n`knead SUBCOMMAND --help` describes a subcommand; `knead --version` prints the version.\n"
+            "\n`The first paper` is Tomokuni, Sugiyama, Hirai: construction of virtual rheological objects.\n\n"
+            "Examples:\n    knead check dough\n    knead creep dough\n    knead help probe\n\n"
             "Exit codes: 0 ok, 1 a requested check failed, 2 bad input, 3 device or transport, 70 internal error.\n");
+}
+
+// Return the subcommand with this name. If there is none, return NULL and print the reason.
+static const command *find(const char *name)
+{
+    const char *nearest = NULL;
+    int edits = 0;
+    for (const command *c = commands; c->name; c++) {
+        if (!strcmp(name, c->name)) return c;
+        if (kn_word_nearer(name, c->name, &edits)) nearest = c->name;
+    }
+    fprintf(stderr, "knead: no command `%s`; %s%s%s\n", name, nearest ? "did you mean " : "knead --help lists them",
+            nearest ? nearest : "", nearest ? "?" : "");
+    return NULL;
 }
 
 static int run(int argc, char **argv)
 {
-    const char *name = argc > 1 ? argv[1] : "";
-    if (!strcmp(name, "--help") || !strcmp(name, "-h")) {
-        print_help(stdout);
-        return KN_EXIT_OK;
+    char why[200], full[32]; // full: "knead NAME", the argv[0] with which messages begin
+    const char *name = argc > 1 ? argv[1] : "", *second = argc > 2 ? argv[2] : NULL;
+    if (!*name) return print_help(stderr), KN_EXIT_USAGE;
+    const bool help = !strcmp(name, "help");
+    if (!strcmp(name, "--help") || !strcmp(name, "-h") || (help && (!second || *second == '-')))
+        return print_help(stdout), KN_EXIT_OK;
+    if (help && !strncmp(second, "kneadd", 6))
+        return fprintf(stderr, "knead: %s is a program of its own; see %s --help\n", second, second), KN_EXIT_USAGE;
+    // `knead help NAME` is `knead NAME --help`. Further words name a part: `knead help identify creep`.
+    if (help) {
+        memmove(argv + 1, argv + 2, (size_t)(argc - 2) * sizeof *argv);
+        argv[argc - 1] = "--help";
+        name = second;
     }
-    bool known = false;
-    // Find the subcommand. `knead NAME --version` is answered here.
-    for (const command *c = commands; c->name; c++) {
-        if (strcmp(name, c->name)) continue;
-        if (argc != 3 || strcmp(argv[2], "--version")) {
-            char why[200], full[32]; // full: "knead NAME", the argv[0] with which getopt begins its messages
-            snprintf(full, sizeof full, "knead %s", c->name);
-            argv[1] = full;
-            // Check first that enough files can be opened, because otherwise liblcm and libev hang or abort.
-            if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "%s: %s\n", full, why), KN_EXIT_DEVICE;
-            return c->main(argc - 1, argv + 1);
-        }
-        known = true;
-    }
-    if (known || !strcmp(name, "--version")) {
-        printf("knead %s\n", KN_VERSION);
-        return KN_EXIT_OK;
-    }
-    if (!*name) print_help(stderr);
-    else fprintf(stderr, "knead: no subcommand `%s`; knead --help lists them\n", name);
-    return KN_EXIT_USAGE;
+    const command *c = strcmp(name, "--version") ? find(name) : NULL;
+    if (!c && strcmp(name, "--version")) return KN_EXIT_USAGE;
+    if (!c || (argc == 3 && !strcmp(argv[2], "--version"))) return printf("knead %s\n", KN_VERSION), KN_EXIT_OK;
+    snprintf(full, sizeof full, "knead %s", c->name);
+    argv[1] = full;
+    // Check first that enough files can be opened, because otherwise liblcm and libev hang or abort.
+    if (!kn_rt_files(why, sizeof why)) return fprintf(stderr, "%s: %s\n", full, why), KN_EXIT_DEVICE;
+    return c->main(argc - 1, argv + 1);
 }
 
 int main(int argc, char **argv)

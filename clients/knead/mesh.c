@@ -24,20 +24,21 @@
 #include <unistd.h>
 
 static const char help[] =
-    "usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH [OPTION]...\n"
+    "usage: knead mesh IN.obj|IN.stl --out OUT.msh --size LENGTH [OPTION]...\n"
     "       knead mesh IN.msh [--unit UNIT]\n\n"
-    "The first form fills a closed surface with tetrahedra, for object.mesh of a scene.\n"
-    "Both forms check a mesh and print nodes, edges, volume, spacing and quality.\n"
-    "The quality of the regular tetrahedron or triangle is 1.\n\n"
-    "    knead mesh bun.stl -o bun.msh --size 5mm\n\n"
-    "  -o OUT.msh          output mesh, in Gmsh's format 4.1, in the unit of the surface\n"
+    "Fill a closed surface with tetrahedra, for object.mesh of a scene, or check a mesh. Both forms print nodes,\n"
+    "edges, volume, spacing and quality; the quality of the regular tetrahedron or triangle is 1. A surface with a\n"
+    "hole, an edge of three or more triangles, or two separate pieces is refused, with file:line:col.\n\n"
+    "  --out FILE          output mesh, in Gmsh's format 4.1, in the unit of the surface\n"
     "  --size LENGTH       approximate length of an edge: 5mm, '0.5 cm'. If the mesh has 5 % more or less volume than\n"
-    "                      the surface, a smaller size is taken and told\n"
+    "                      the surface, a smaller size is used and printed\n"
     "  --tool gmsh|tetgen  meshing program (default: gmsh, then tetgen if gmsh cannot fill the surface, or has\n"
     "                      not done so after a minute of processor time and 0.2 ms for each tetrahedron).\n"
     "                      gmsh replaces the triangles of the surface, tetgen keeps them and adds more\n"
     "  --unit m|cm|mm|um   unit of the coordinates in the file (default: mm)\n\n"
-    "Refused, with file:line:col: a surface with a hole, an edge of three or more triangles, or two separate pieces.\n"
+    "Examples:\n"
+    "    knead mesh block.stl --out block.msh --size 1cm\n"
+    "    knead mesh block.msh\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 the program is not installed, or the mesh cannot be written.\n";
 
 // Quality of an element (core/simplices.h) below which a warning is printed. Such an element has 3 % of the volume of a
@@ -78,7 +79,7 @@ static int check_options(const options *o)
                            "-o, --size and --tool make a mesh of a surface, expected a file that ends in .obj or .stl");
     if (!surface) return KN_OPTIONS_READ;
     if (!(o->size_m > 0)) return kn_complain(mesh, KN_EXIT_USAGE, "expected --size LENGTH, e.g. --size 5mm");
-    if (!o->out || !ends_in_msh(o->out)) return kn_complain(mesh, KN_EXIT_USAGE, "expected -o OUT.msh");
+    if (!o->out || !ends_in_msh(o->out)) return kn_complain(mesh, KN_EXIT_USAGE, "expected --out OUT.msh");
     return KN_OPTIONS_READ;
 }
 
@@ -87,13 +88,14 @@ static int take_options(int argc, char **argv, options *o)
 {
 #define AT(member) .offset = offsetof(options, member)
     static const kn_option rows[] = {
-        KN_OPTION("output", TEXT, AT(out), .letter = 'o'),
+        KN_OPTION("out", TEXT, AT(out)),
+        KN_OPTION("output", RENAMED, .expected = "--out FILE", .letter = 'o'),
         KN_OPTION("size", QUANTITY, AT(size_m), .expected = "a length from 1e-05 to 1 m, e.g. 5mm", .unit = "m",
                   KN_RANGE(1e-5, 1)),
         KN_OPTION("tool", CHOICE, AT(tool), .unit = "gmsh|tetgen"),
         KN_OPTION("unit", CHOICE, AT(unit), .unit = "m|cm|mm|um"),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     const int code = kn_options_read(&table, o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (argc - optind != 1) return kn_complain(mesh, KN_EXIT_USAGE, "expected one .obj, .stl or .msh file; see --help");

@@ -35,7 +35,8 @@ typedef struct probe_options {
     const char *record, *control, *csv, *png, *motors, *lcm_url, *mesh_url;
     // Shape of a press, sine or poke; its touch_z_m is computed later from the mesh.
     kn_tool_path_def shape;
-    int drop_at_ms, drop_ms, tries;
+    double drop_s[2]; // time of the gap in the first try, and its duration
+    int drops, tries;
     // --hand: a hand follows the path and grips a simulated device, so path and forces together move the tool. Without
     // the option --hand the tool follows the path exactly.
     bool gripped;
@@ -49,11 +50,10 @@ typedef struct probe_options {
 
 static const char help[] =
     "usage: knead probe [--path press|sine|poke|FILE.csv] [OPTION]...\n\n"
-    "A virtual haptic device at 1 kHz.\n"
-    "It engages in air, plays a path on the object that kneadd serves, and prints a table of the forces.\n"
-    "Its own watchdog takes the device's force to 0 N 20 ms after the last force message.\n"
-    "When this watchdog or that of kneadd trips, the device lifts the tool and opens a new session.\n"
-    "Then it repeats the path, with three tries in all.\n\n"
+    "Play a haptic device and its user: move a tool of kneadd along a path, 1000 poses a second, and print a table of\n"
+    "the forces that kneadd sends back. The path begins in the air. If no force comes for 20 ms, the force of the\n"
+    "device goes to 0 N. After this or a fault of kneadd the tool is lifted, and a new session repeats the path.\n\n"
+    "the path:\n"
     "  --path press     touch, wait, go at 1 cm/s to 1 cm below the top of the block, hold, withdraw (default)\n"
     "  --path sine      touch, wait, oscillate between the height of touch and 1 mm below this height\n"
     "  --path poke      go 3 mm deep at 5 cm/s and out again\n"
@@ -61,59 +61,51 @@ static const char help[] =
     "                   Positions are in metres, with z up and the origin under the object's centre.\n"
     "                   The path must begin clear of the object and last a day at most\n"
     "  --probe NAME     tool of the scene (default: for press the first tool, for other paths the first round tool).\n"
-    "                   These paths are faster than a press, and dough resists a fast plate like a wall\n"
-    "  --hold TIME      press: time at the lowest point; sine: duration, e.g. '4 s' or 4 (default: 4 s)\n"
+    "                   Other paths are faster than a press, and dough resists a fast plate like a wall\n"
+    "  --hold TIME      press: time at the lowest point; sine: duration (default: 4 s)\n"
     "  --depth LENGTH   depth, e.g. '10 mm' (default: press 10 mm, sine 1 mm, poke 3 mm).\n"
     "                   Press: below the top of the untouched block. Other paths: below the point of touch\n"
     "  --speed SPEED    speed in the object, e.g. '1 cm/s' (default: press 1 cm/s, poke 5 cm/s)\n"
-    "  --frequency F    frequency of the sine, e.g. '2 Hz' (default: 2 Hz)\n"
-    "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces. The "
-    "log\n"
-    "                   begins with the object, if kneadd has a control socket; without it, only a log of an "
-    "untouched\n"
-    "                   object can be replayed\n"
-    "  --control PATH   control socket of kneadd (default: KNEAD_CONTROL of the environment, "
-    "else " KN_LIVE_SERVER_CONTROL ")\n"
+    "  --frequency F    frequency of the sine (default: 2 Hz)\n\n"
+    "outputs:\n"
+    "  --record FILE    record the session as an LCM event log: knead replay FILE --verify gives the same forces.\n"
+    "                   If kneadd has a control socket, the log begins with the present shape of the object.\n"
+    "                   Otherwise the log can be replayed only if the object was untouched\n"
+    "  --control PATH   control socket of kneadd (default: KNEAD_CONTROL of the environment, else\n"
+    "                   " KN_LIVE_SERVER_CONTROL ")\n"
     "  --csv FILE       write one row per force, with the columns of knead replay --csv\n"
-    "  --png FILE       draw the force against time and against depth (needs gnuplot)\n"
+    "  --png FILE       draw the force against time and depth (needs gnuplot)\n"
     "  --motors FILE    write a CSV with one row per ms of the device's clock, even if no force was received.\n"
     "                   A row has the position of the device and the force of its motors\n"
+    "  --json           print the table of a completed session as JSON\n"
+    "  --quiet          print no progress and no table\n\n"
+    "session:\n"
     "  --tries N        number of tries, 1 to 3 (default: 3)\n"
-    "  --drop-at S:MS   fault injection: S seconds into the first try send no pose for MS milliseconds\n"
+    "  --drop-at T,D    fault injection: in the first try, send no pose from time T on, for the time D\n"
     "  --lcm-url URL    bus of poses and forces (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
-    "  --mesh-url URL   bus of meshes (default: " KN_MESH_URL ")\n"
-    "  --quiet          print no progress and no table\n"
-    "  --json           print the table of a completed session as JSON\n\n"
-    "With --hand the path is only what the hand intends.\n"
-    "A simulated haptic device goes where the arm, the grip and the returned force take it.\n"
-    "The table then ends with the device's results, and says whether the device buzzed or drove the hand.\n\n"
-    "  --hand HAND      light, normal, firm, or none: with none the device is moved into place and released.\n"
-    "                   The device without a hand is pushed by a force of 1 N along z\n"
-    "  --device CLASS   touch, falcon, omega, unknown, bench, or a FILE.yaml with a device: section.\n"
-    "                   By default, the device of the scene is simulated\n"
+    "  --mesh-url URL   bus of meshes (default: " KN_MESH_URL ")\n\n"
+    "a simulated device in a simulated hand. The hand follows the path, and the force of the device pushes it off the\n"
+    "path. The table ends with a verdict on the device: whether it buzzed or drove the hand:\n"
+    "  --hand HAND      grip of the hand: light, normal or firm. none: no hand; the device is moved into place and\n"
+    "                   released, and a force of 1 N along z pushes it\n"
+    "  --device CLASS   touch, falcon, omega, unknown, bench, or a FILE.yaml with a device: section\n"
+    "                   (default: the device of the scene)\n"
     "  --axes N         1: free along z, bound to the path along x and y; 3: free along all three (default: 3)\n"
     "  --delay TIME     round trip added by a simulated link, whole ms, 255 ms at most\n"
     "  --loss SHARE     share of the poses and of the forces that the simulated link loses: 20% or 0.2\n"
     "  --local          render the local model that kneadd --local-model sends, instead of its forces\n"
-    "  --held           also render forces older than 5 ms, to study their effect.\n"
-    "                   Without this option such forces are refused, as every device should do\n\n"
-    "Exit codes: 0 path played to its end; 1 played to its end, but the object is no longer there, or the device\n"
+    "  --held           also render forces older than 5 ms, to study their effect. Every real device should refuse\n"
+    "                   such forces\n\n"
+    "Examples:\n"
+    "    knead probe --csv press.csv\n"
+    "    knead probe --path sine --frequency '5 Hz' --hold '2 s'\n"
+    "    knead probe --path poke --hand light --device touch\n\n"
+    "Exit codes: 0 path played to its end; 1 played to its end, but the object has moved away, or the device\n"
     "buzzed or gave more than 10 mJ to the hand; 2 bad input; 3 no answer, forces older than 5 ms, or three\n"
     "interrupted tries.\n";
 
 // Largest speed of a sine, m/s. It is the default of brake_m_s; above this speed kneadd sends only a damping force.
 static const double fastest_m_s = 1.2;
-
-// Parse SECONDS:MILLISECONDS of --drop-at.
-static const char *take_drop(void *options, const char *text)
-{
-    probe_options *opt = options;
-    double at_s = -1.0;
-    char rest;
-    const int parts = sscanf(text, "%lf:%d%c", &at_s, &opt->drop_ms, &rest);
-    opt->drop_at_ms = at_s >= 0.0 && at_s < 1e6 ? (int)lround(1e3 * at_s) : -1;
-    return parts == 2 && opt->drop_at_ms >= 0 && opt->drop_ms > 0 ? NULL : "SECONDS:MILLISECONDS like 1.5:30";
-}
 
 // Parse the delay of a simulated link in whole ms. kn_closed_loop_hand keeps 256 slots, one for each ms.
 static const char *take_delay(void *delay_ms, const char *text)
@@ -186,7 +178,8 @@ static const kn_option rows[] = {
     KN_OPTION("png", TEXT, AT(png)),
     KN_OPTION("motors", TEXT, AT(motors)),
     KN_OPTION("tries", INTEGER, AT(tries), KN_RANGE(1, KN_HAND_TRIES)),
-    KN_OPTION("drop-at", SPECIAL, .take = take_drop),
+    KN_OPTION("drop-at", QUANTITY, AT(drop_s), .unit = "s", KN_RANGE(1e-3, 1e6), .items = 2,
+              .count = offsetof(probe_options, drops), .expected = "two times like '1.5 s,30 ms'"),
     KN_OPTION("lcm-url", TEXT, AT(lcm_url)),
     KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
     KN_OPTION("quiet", FLAG, AT(quiet)),
@@ -204,13 +197,13 @@ static const kn_option rows[] = {
 // Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
 static int parse(probe_options *opt, int argc, char **argv)
 {
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .always_named = true,
-                                          .unknown = "unknown option; knead probe --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     // A hold below 0 selects the default, because 0 s is a valid hold.
     *opt = (probe_options){.path = "press", .shape.hold_s = -1.0};
     const int code = kn_options_read(&table, opt, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) REFUSE("`%s`: expected options only; knead probe --help lists them\n", argv[optind]);
+    if (opt->drops == 1) REFUSE("--drop-at: expected two times like '1.5 s,30 ms'\n");
     if (opt->control && !opt->record) REFUSE("--control: expected --record FILE as well\n");
     const int swings = strcmp(opt->path, "sine") ? code : check_sine(&opt->shape);
     return swings == KN_OPTIONS_READ ? check_options(opt) : swings;
@@ -461,8 +454,8 @@ static int start(probe *p)
     kn_hand_def def = {.path = p->path[0],
                        .session = kn_hand_session(),
                        .tries = p->opt.tries,
-                       .drop_at_ms = p->opt.drop_at_ms,
-                       .drop_ms = p->opt.drop_ms};
+                       .drop_at_ms = (int)lround(1e3 * p->opt.drop_s[0]),
+                       .drop_ms = (int)lround(1e3 * p->opt.drop_s[1])};
     // With the local model, missing messages are tolerated for longer.
     if (p->opt.local) def.hold_ms = KN_HAPTIC_RENDER_LOCAL_HOLD_MS, def.zero_ms = KN_HAPTIC_RENDER_LOCAL_ZERO_MS;
     double extent_m[3];

@@ -21,8 +21,9 @@
 
 static const char help[] =
     "usage: knead replay [SCENE] LOG [OPTION]...\n\n"
-    "Plays an LCM event log (lcm-logger, knead probe --record) through the daemon's servo under a virtual clock.\n"
-    "The same log gives the same forces, bit for bit. Without SCENE the scene comes from the log.\n\n"
+    "Play an LCM event log (of lcm-logger or knead probe --record) through the daemon's servo under a virtual clock.\n"
+    "The same log gives the same forces, bit for bit. Without SCENE, a file or a name, the scene comes from the "
+    "log.\n\n"
     "  --csv FILE        write one row per tick and live probe\n"
     "  --out FILE        write the daemon's messages as a log: scene, poses, forces, events\n"
     "  --hash            print one hash of all forces and the final state\n"
@@ -32,7 +33,7 @@ static const char help[] =
     "  --snapshot PATH   a snapshot of the run in the log, or kneadd's --state-dir with such snapshots.\n"
     "                    Needed if the server restored a snapshot, or if the log begins on a kneaded\n"
     "                    object that it does not hold\n"
-    "  --speed max|real  as fast as possible, or 1000 ticks per second (default: max)\n"
+    "  --speed max|real  as fast as possible, or 1000 ticks per second (default: max)\n\n"
     "options that make the replay compute differently from the log (--verify refuses them):\n"
     "  --backend WHERE   cpu: the scene's solver; fixed: same as --solver fixed; a circuit: uart:, pty:, pcie:, shm:\n"
     "                    Each tick of a circuit is compared with the fixed solver.\n"
@@ -42,6 +43,10 @@ static const char help[] =
     "  --dt TIME         time step, 1 ms divided by a whole number, e.g. '62.5 us'\n"
     "  --set KEY=VALUE   set a key of the scene; knead check --keys lists them\n"
     "  --quality NAME    fast, balanced or accurate: quality point of the scene; own: the scene's solver section\n\n"
+    "Examples:\n"
+    "    knead ctl reset && knead probe --record press.lcmlog\n"
+    "    knead replay press.lcmlog --verify\n"
+    "    knead replay press.lcmlog --set material=clay --csv clay.csv\n\n"
     "Exit codes: 0 ok, 1 --verify failed or is impossible, 2 bad input, 3 a file cannot be written.\n";
 
 #define SETS_MAX 64

@@ -23,17 +23,19 @@
 
 static const char help[] =
     "usage: knead touch [--probe NAME] [OPTION]...\n\n"
-    "Shows the contact of a tool. It needs a running `kneadd --touch` with a hand at the tool.\n"
-    "A map of 8 by 8 cells shows the pressures over the tool's face, seen from inside the tool.\n"
-    "The contact area and the peak pressure are printed as well.\n"
-    "The centre of pressure, the mean normal (out of the object) and the slip velocity of the skin under the tool\n"
-    "are printed in the tool's frame.\n"
-    "On a terminal the picture is redrawn in place. Otherwise one line per message is printed, 250 per second.\n\n"
+    "Show the contact of a tool, from a running `kneadd --touch` with a hand at the tool: a map of 8 by 8 pressures\n"
+    "over the tool's face, seen from inside the tool, the contact area and the peak pressure. The centre of\n"
+    "pressure, the mean normal (out of the object) and the slip velocity of the skin under the tool are in the\n"
+    "tool's frame. On a terminal the picture is redrawn in place. Otherwise one line per message is printed, 250 per\n"
+    "second.\n\n"
     "  --probe NAME     tool of the scene (default: the first tool whose messages arrive)\n"
     "  --json           print one JSON object per line, in SI units. proto/README.md explains the grid pressure_pa\n"
     "  --once           end with the first message that reports contact\n"
-    "  --seconds N      end after N seconds, 0.1..86400 (default: run until Ctrl-C)\n"
+    "  --seconds TIME   end after this time, e.g. '4 s' or '500 ms' (default: run until Ctrl-C)\n"
     "  --lcm-url URL    bus of the touch patches (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n\n"
+    "Examples:\n"
+    "    knead touch --once\n"
+    "    knead touch --probe plate --json --seconds '500 ms'\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no message, or with --once no contact.\n";
 
 typedef struct watch {
@@ -55,12 +57,14 @@ static int parse(watch *w, int argc, char **argv)
 {
 #define AT(member) .offset = offsetof(watch, member)
     static const kn_option rows[] = {
-        KN_OPTION("probe", TEXT, AT(probe)), KN_OPTION("json", FLAG, AT(json)),
-        KN_OPTION("once", FLAG, AT(once)),   KN_OPTION("seconds", REAL, AT(seconds), KN_RANGE(0.1, 86400)),
+        KN_OPTION("probe", TEXT, AT(probe)),
+        KN_OPTION("json", FLAG, AT(json)),
+        KN_OPTION("once", FLAG, AT(once)),
+        KN_OPTION("seconds", QUANTITY, AT(seconds), .unit = "s", KN_RANGE(0.1, 86400),
+                  .expected = "a time from 0.1 to 86400 s"),
         KN_OPTION("lcm-url", TEXT, AT(url)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
-                                          .unknown = "unknown option; knead touch --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     char error[256];
     const int code = kn_options_read(&table, w, argc, argv);
     if (code != KN_OPTIONS_READ) return code;

@@ -315,13 +315,13 @@ static void print_elsewhere(const sweep *s)
     print_sets(s, r);
 }
 
-// Print the most accurate point whose 90th percentile of the tick times is within --budget-us.
+// Print the most accurate point whose 90th percentile of the tick times is within --budget.
 static int pick(const sweep *s)
 {
     char name[96];
     const kn_pareto_row *r = kn_pareto_front_pick(&s->front, s->opt.budget_us);
     if (!r)
-        return kn_complain("tradeoff", KN_EXIT_FAILED, "--budget-us %g: no usable point has a p90 within this budget",
+        return kn_complain("tradeoff", KN_EXIT_FAILED, "--budget %g us: no usable point has a p90 within this budget",
                            s->opt.budget_us);
     printf("%g us     %s: p90 %.0f us, force %.3g %%, shape %.3g %% in all\n          ", s->opt.budget_us,
            kn_sweep_run_name(r->run, name), r->p90_us, 100 * r->force.all, 100 * r->shape.all);
@@ -364,7 +364,7 @@ static int report(sweep *s)
     print_named(s);
     print_elsewhere(s);
     int code = s->opt.csv ? write_csv(s) : KN_EXIT_OK;
-    if (code == KN_EXIT_OK && s->opt.plot) code = kn_pareto_chart_draw(&s->front, &s->plan, s->named, s->opt.plot);
+    if (code == KN_EXIT_OK && s->opt.png) code = kn_pareto_chart_draw(&s->front, &s->plan, s->named, s->opt.png);
     if (code == KN_EXIT_OK && s->opt.write) code = write_named(s);
     return code == KN_EXIT_OK && s->opt.budget_us > 0 ? pick(s) : code;
 }
@@ -373,13 +373,13 @@ static int report(sweep *s)
 static int try_files(const sweep *s)
 {
     const kn_tradeoff_options *opt = &s->opt;
-    const char *const outputs[] = {opt->csv, opt->plot};
+    const char *const outputs[] = {opt->csv, opt->png};
     for (int i = 0; i < 2; i++)
         if (kn_output_same(outputs[i], opt->log) || kn_output_same(outputs[i], opt->scene))
             return kn_complain("tradeoff", KN_EXIT_USAGE, "%s: is being read, expected another file to write",
                                outputs[i]);
     int code = opt->csv ? kn_output_try("tradeoff", opt->csv) : KN_EXIT_OK;
-    if (code == KN_EXIT_OK && opt->plot) code = kn_plot_try("tradeoff", opt->plot);
+    if (code == KN_EXIT_OK && opt->png) code = kn_plot_try("tradeoff", opt->png);
     return code == KN_EXIT_OK && opt->write ? try_scene(&s->plan) : code;
 }
 

@@ -15,13 +15,11 @@
 #include <string.h>
 
 static const char help[] =
-    "usage: knead zwidth [--device CLASS] [--hand HAND] [--material M] [OPTION]...\n\n"
-    "Simulates a haptic device in contact, and finds the stiffest virtual coupling that does not buzz.\n"
-    "The table shows this coupling for several round trips of the forces and several frictions of the device.\n"
-    "Colgate's bound and the bound of a delayed spring are printed in the same row.\n"
-    "All values are SIMULATED. On a real device, motors and structure lower them to about 0.7 times these values.\n\n"
-    "    knead zwidth --device falcon --plot zwidth.png\n"
-    "    knead zwidth --device touch --hand light --material dough\n\n"
+    "usage: knead zwidth [OPTION]...\n\n"
+    "Simulate a haptic device in contact, and find the stiffest virtual coupling that does not buzz, for several\n"
+    "round trips of the forces and several frictions of the device. Colgate's bound and the bound of a delayed\n"
+    "spring are in the same row. All values are SIMULATED. On a real device, motors and structure lower them to\n"
+    "about 0.7 times these values.\n\n"
     "  --device CLASS    touch, falcon, omega, unknown, bench, or a FILE.yaml with a device section (default: touch)\n"
     "  --set KEY=VALUE   set a key of the device, e.g. device.mass='120 g'\n"
     "  --hand HAND       none, light, normal or firm; none: no arm, a force of 1 N pushes the device (default: none)\n"
@@ -31,17 +29,21 @@ static const char help[] =
     "  --probe NAME      tool of that scene (default: the first that can be coupled)\n"
     "  --quick           fewer delays, frictions and couplings: a second or two\n"
     "  --csv FILE        write the table\n"
-    "  --plot FILE       draw the curves and the bounds as PNG (needs gnuplot)\n"
+    "  --png FILE        draw the curves and the bounds (needs gnuplot)\n"
     "  --json            print the table as JSON\n\n"
-    "The device holds each force for 1 ms. Its encoder reads the position in steps.\n"
-    "The velocity is filtered at 100 Hz.\n"
-    "A device buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the encoder's steps explain.\n"
+    "The device holds each force for 1 ms. Its encoder reads the position in steps. The velocity is filtered at 100\n"
+    "Hz. A device buzzes if, after 3 s, force or position oscillate above 10 Hz by more than the encoder's steps\n"
+    "explain.\n\n"
+    "columns of the table:\n"
     "  round trip        time from a pose to its force; 0: at once, 1 ms: in the next period, as with a server\n"
     "  k at b_vc 0, ..   stiffest coupling that does not buzz with the damping b_vc, N/m; found to 1.5 %\n"
     "  Colgate           bound 2 (b - b_vc)/T at b_vc 0; a coupling below it is passive in any motion, without delay.\n"
     "                    b: friction of the device, T: 1 ms\n"
     "  delayed           bound (b + b_vc)/(T/2 + round trip) of a delayed spring, at the class's b_vc\n"
     "  default           coupling that a scene with this device gets (core/coupling.h); calm: it did not buzz\n\n"
+    "Examples:\n"
+    "    knead zwidth --device falcon --png zwidth.png\n"
+    "    knead zwidth --device touch --hand light --material dough --quick\n\n"
     "Exit codes: 0 ok, 1 a default coupling buzzes, 2 bad input, 3 a file cannot be written.\n";
 
 // TRIPS, FRICTIONS, DAMPINGS: numbers of simulated round trips, frictions and dampings. SETS: largest number of --set
@@ -64,7 +66,7 @@ static const char *const columns[] = {
 
 // The command line and the state of a survey.
 typedef struct zwidth {
-    const char *device, *csv, *plot;
+    const char *device, *csv, *png;
     const char *sets[SETS];
     int set_count;
     kn_grip grip;
@@ -209,7 +211,7 @@ static int draw(const zwidth *z)
                         .y_scale = 1,
                         .log_y = true,
                         .points = true}};
-    return kn_table_draw(&z->table, "zwidth", z->plot, title, axes, 2);
+    return kn_table_draw(&z->table, "zwidth", z->png, title, axes, 2);
 }
 
 static const char *take_material(void *material, const char *name)
@@ -241,13 +243,13 @@ static int parse(zwidth *z, int argc, char **argv)
         KN_OPTION("material", SPECIAL, AT(material), .take = take_material),
         KN_OPTION("quick", FLAG, AT(quick)),
         KN_OPTION("csv", TEXT, AT(csv)),
-        KN_OPTION("plot", TEXT, AT(plot)),
+        KN_OPTION("png", TEXT, AT(png)),
+        KN_OPTION("plot", RENAMED, .expected = "--png FILE"),
         KN_OPTION("json", CALL, .call = kn_result_open),
         KN_OPTION("scene", SPECIAL, AT(scene_path), .take = kn_scene_take),
         KN_OPTION("probe", TEXT, AT(tool)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
-                                          .unknown = "unknown option; --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     const int code = kn_options_read(&table, z, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (optind < argc)
@@ -274,7 +276,7 @@ static int report(zwidth *z)
     kn_result_bool(kn_result(), "default_calm", z->sound);
     kn_result_table("couplings", &z->table);
     if (z->csv) code = kn_table_write(&z->table, "zwidth", z->csv);
-    if (code == KN_EXIT_OK && z->plot) code = draw(z);
+    if (code == KN_EXIT_OK && z->png) code = draw(z);
     kn_table_free(&z->table);
     return code == KN_EXIT_OK && !z->sound ? KN_EXIT_FAILED : code;
 }
@@ -301,7 +303,7 @@ int kn_zwidth_main(int argc, char **argv)
     code = kn_device_profile_load(&z.profile, "zwidth", z.device, z.sets, z.set_count);
     if (code == KN_EXIT_OK && z.scene_path) code = load_scene(&z);
     if (code == KN_EXIT_OK && z.csv) code = kn_output_try("zwidth", z.csv);
-    if (code == KN_EXIT_OK && z.plot) code = kn_plot_try("zwidth", z.plot);
+    if (code == KN_EXIT_OK && z.png) code = kn_plot_try("zwidth", z.png);
     if (code == KN_EXIT_OK) code = report(&z);
     kn_scene_destroy(z.scene);
     return code;

@@ -470,7 +470,7 @@ void kn_object_picture_close(kn_object_picture *shot)
 const char *kn_moment_take(void *at_s, const char *text)
 {
     *(double *)at_s = INFINITY;
-    return strcmp(text, "end") == 0 || kn_number_take(text, -1e9, 1e9, at_s) ? NULL : "seconds, or end";
+    return strcmp(text, "end") == 0 || kn_quantity_read(text, "s", true, -1e9, 1e9, at_s) ? NULL : "a time, or end";
 }
 
 double kn_measure_top(kn_measure measure, const char *text)

@@ -15,20 +15,28 @@
 #include <string.h>
 
 static const char help[] =
-    "usage: knead view --png FILE [OPTION]...               draw the object that a running kneadd serves\n"
-    "       knead view --png FILE [OPTION]... OBJECT...     draw files: a log, stepped to its end or to --at; a\n"
-    "                                                       scene at rest; a snapshot of a kneadd state\n"
-    "                                                       directory, with --scene\n"
-    "       knead view --png FILE --compare A B             draw two files, and the distance between their surfaces\n"
-    "       knead view --video FILE [OPTION]... [OBJECT]... film logs, or the served object for --seconds\n"
-    "       knead view --depth FILE [OPTION]... [OBJECT]    draw the heights, as a range finder above sees them\n\n"
-    "Draws the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n\n"
-    "  --at SECONDS|end   time in the recording, counted from the beginning of its first session; 1,3,end: three\n"
+    "usage: knead view --png FILE [OPTION]... [OBJECT]...\n"
+    "       knead view --png FILE --compare A B\n"
+    "       knead view --video FILE [OPTION]... [OBJECT]...\n"
+    "       knead view --depth FILE [OPTION]... [OBJECT]\n\n"
+    "Draw the object, its tools and the force on the hand, without a screen. Up to 4 objects stand side by side.\n"
+    "Without OBJECT the picture shows what a running kneadd serves.\n\n"
+    "  OBJECT             a log, stepped to its end or to --at; a scene at rest, a file or a name; or a snapshot of a\n"
+    "                     kneadd state directory, with --scene\n"
+    "  --png FILE         draw a picture\n"
+    "  --compare          also draw the distance between the surfaces of two objects, at points that coincide at\n"
+    "                     rest. If the meshes differ, each vertex of B is compared with the nearest vertex of A\n"
+    "  --at TIME|end      time in the recording, counted from the beginning of its first session; 1,3,end: three\n"
     "                     pictures side by side (default: end)\n"
     "  --scene SCENE      scene of the snapshot; without a snapshot: draw the scene at rest\n"
     "  --size WxH         pixels, 16..4096 on each side; even numbers for a film. Several objects share the width,\n"
     "                     16 pixels or more for each (default: 1280x720 for one object; 640x480 for each of several,\n"
     "                     at most 1920x480 for all; 640x640 for a range image)\n"
+    "  --wait TIME        longest wait for the messages of kneadd, up to 1 h (default: 6 s)\n"
+    "  --lcm-url URL      bus of poses and forces (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n\n"
+    "camera and colours. For an object of 2 to 20 cm, the squares on the table have sides of 1 cm, and the black bar\n"
+    "is 1 cm long. The arrow is as long as one square for each 5 N of force:\n"
     "  --camera FROM      front, back, left, right, top or corner: sets azimuth and elevation, which the two options\n"
     "                     below may change (default: corner, azimuth 28, elevation 27)\n"
     "  --azimuth DEG      direction of the camera, -360..360: 0 from the front, 90 from the right\n"
@@ -40,24 +48,26 @@ static const char help[] =
     "                     picture or in the whole film); with --compare and without --color: upper end of the scale\n"
     "                     of distances\n"
     "  --style STYLE      lined, solid, wire (lines alone) or edges (every edge of the lattice) (default: lined)\n"
-    "  --no-lines         same as --style solid\n"
-    "  --plain            draw no text\n"
-    "  --wait SECONDS     longest wait for the messages of kneadd, 0..3600 (default: 6)\n"
-    "  --lcm-url URL      bus of poses, forces, scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
-    "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n\n"
-    "Films need the program ffmpeg. Their names end in " KN_VIDEO_FILE_NAMES ".\n"
-    "  --from S, --to S   part of the recording to film (default: from 0 to the end)\n"
-    "  --seconds N        duration of a film of the served object, 0.1..3600\n"
+    "  --plain            draw no text\n\n"
+    "films, by the program ffmpeg:\n"
+    "  --video FILE       .mp4, .mov or .mkv (H.264), .webm (VP9) or .gif\n"
+    "  --from TIME, --to TIME\n"
+    "                     part of the recording to film (default: from 0 to the end)\n"
+    "  --seconds TIME     duration of a film of the served object, 0.1 s to 1 h\n"
     "  --fps N            pictures per second, 1..120 (default: 30)\n"
     "  --speed X          speed of a recording, 0.01..1000; 2 is twice as fast (default: 1)\n\n"
-    "A range image is a 16-bit grey PNG of the object without its tools, seen straight from above, x to the right,\n"
-    "y up. The value 0 means no object. Every other value gives the height above the table: (value - 1) times a\n"
-    "step. The step is 1 um for an object of up to 5 cm. The step and the size of a pixel, in mm, are printed and are\n"
-    "in the text chunks of the file.\n\n"
-    "--compare compares points that coincide at rest. If the two meshes differ, it compares each vertex of B with the\n"
-    "nearest vertex of A. For an object of 2 to 20 cm, the squares on the table have sides of 1 cm, and the black bar\n"
-    "is 1 cm long. The arrow is as long as one square for each 5 N of force.\n"
-    "KNEAD_GL=osmesa or egl in the environment selects the renderer (default: the first that is available).\n"
+    "range images, as a range finder above the object sees it:\n"
+    "  --depth FILE       16-bit grey PNG of the object without its tools, straight from above, x to the right, y\n"
+    "                     up. The value 0 means no object. Every other value gives the height above the table:\n"
+    "                     (value - 1) times a step, 1 um for an object of up to 5 cm. The step and the size of a\n"
+    "                     pixel, in mm, are printed and are in the text chunks of the file\n\n"
+    "KNEAD_GL=osmesa or egl in the environment selects the renderer (default: the first that is available).\n\n"
+    "Examples:\n"
+    "    knead view --png now.png\n"
+    "    knead view dough liver --png rest.png\n"
+    "    knead view press.lcmlog --at 1,3,end --color stress --png press.png\n"
+    "    knead view press.lcmlog --video press.mp4 --size 320x240 --fps 10\n"
+    "    knead view press.lcmlog --at 4 --depth dent.png\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no message, no OpenGL, no ffmpeg, or the picture cannot be written.\n";
 
 static const char *take_size(void *options, const char *text)
@@ -250,13 +260,13 @@ static const kn_option rows[] = {
     KN_OPTION("png", TEXT, AT(png)),
     KN_OPTION("at", SPECIAL, AT(at_s), .take = kn_moment_take, .items = KN_VIEW_FILES_MAX,
               .count = offsetof(kn_view_options, moments),
-              .expected = "1 to 4 moments separated by commas, each in seconds or end"),
+              .expected = "1 to 4 times separated by commas, like '2 s' or end"),
     KN_OPTION("size", SPECIAL, .take = take_size, .given = offsetof(kn_view_options, sized)),
     KN_OPTION("azimuth", NUMBER, AT(azimuth_deg), KN_RANGE(-360, 360), .expected = "degrees, -360..360"),
     KN_OPTION("elevation", NUMBER, AT(elevation_deg), KN_RANGE(0, 90), .expected = "degrees, 0..90"),
-    KN_OPTION("no-lines", SET, AT(look.style), .least = KN_VIEW_SOLID),
+    KN_OPTION("no-lines", RENAMED, .expected = "--style solid"),
     KN_OPTION("scene", SPECIAL, AT(scene), .take = kn_scene_take),
-    KN_OPTION("wait", NUMBER, AT(wait_s), KN_RANGE(0, 3600), .expected = "seconds, 0..3600"),
+    KN_OPTION("wait", QUANTITY, AT(wait_s), .unit = "s", KN_RANGE(0, 3600), .expected = "a time from 0 to 3600 s"),
     KN_OPTION("lcm-url", TEXT, AT(url)),
     KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
     KN_OPTION("color", CHOICE, AT(measure), .unit = KN_MEASURE_WORDS),
@@ -264,9 +274,10 @@ static const kn_option rows[] = {
     KN_OPTION("style", CHOICE, AT(look.style), .unit = "lined|solid|wire|edges"),
     KN_OPTION("plain", FLAG, AT(plain)),
     KN_OPTION("video", SPECIAL, AT(video), .take = take_video),
-    KN_OPTION("from", NUMBER, AT(from_s), KN_RANGE(-1e9, 1e9), .expected = "seconds"),
-    KN_OPTION("to", NUMBER, AT(to_s), KN_RANGE(-1e9, 1e9), .expected = "seconds"),
-    KN_OPTION("seconds", NUMBER, AT(seconds), KN_RANGE(0.1, 3600), .expected = "seconds, 0.1..3600"),
+    KN_OPTION("from", QUANTITY, AT(from_s), .unit = "s", KN_RANGE(-1e9, 1e9), .expected = "a time like '2 s'"),
+    KN_OPTION("to", QUANTITY, AT(to_s), .unit = "s", KN_RANGE(-1e9, 1e9), .expected = "a time like '4 s'"),
+    KN_OPTION("seconds", QUANTITY, AT(seconds), .unit = "s", KN_RANGE(0.1, 3600),
+              .expected = "a time from 0.1 to 3600 s"),
     KN_OPTION("fps", NUMBER, AT(fps), KN_RANGE(1, 120), .expected = "pictures per second, 1..120"),
     KN_OPTION("speed", NUMBER, AT(speed), KN_RANGE(0.01, 1000), .expected = "a factor, 0.01..1000; 2 is twice as fast"),
     KN_OPTION("depth", TEXT, AT(depth)),
@@ -277,8 +288,7 @@ static const kn_option rows[] = {
 
 int kn_view_parse(int argc, char **argv, kn_view_options *o)
 {
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .no_empty = true,
-                                          .unknown = "no such option; knead view --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     *o = (kn_view_options){.measure = -1,
                            .at_s = {INFINITY, INFINITY, INFINITY, INFINITY},
                            .to_s = INFINITY,

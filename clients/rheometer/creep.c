@@ -10,18 +10,19 @@
 
 static const char help[] =
     "usage: knead creep MATERIAL|EXPR [OPTION]...\n\n"
-    "Loads a specimen with a weight, unloads it, and prints the height under the weight and the recovery after it.\n"
-    "The default is the first paper's test: 50 gf for 60 s, then 70 s of rest.\n\n"
-    "    knead creep dough\n"
-    "    knead creep dough --load 10gf,30gf,50gf,70gf,90gf --png creep.png\n"
-    "    knead creep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s'\n\n"
+    "Virtual rheometer: load a specimen with a weight, unload it, and print the height under the weight and the\n"
+    "recovery after it. The default is the first paper's test: 50 gf for 60 s, then 70 s of rest. The stress of a\n"
+    "load W is W h/(S0 h0). It falls with the height h while the specimen creeps.\n\n"
     "  --load W[,W]...   weights, each on a fresh specimen (default: 50gf)\n"
     "  --hold TIME       time under the weight (default: 60 s)\n"
     "  --rest TIME       time after unloading (default: 70 s)\n" KN_RHEOMETER_LATTICE_HELP
     "  --csv FILE        write load_n,time_s,strain,height_m,stress_pa\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
-    "The stress of a load W is W h/(S0 h0). It falls with the height h while the specimen creeps.\n"
+    "Examples:\n"
+    "    knead creep dough\n"
+    "    knead creep dough --load 10gf,30gf,50gf --csv creep.csv --png creep.png\n"
+    "    knead creep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s'\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"load_n", "time_s", "strain", "height_m", "stress_pa", NULL};

@@ -9,21 +9,23 @@
 #include <string.h>
 
 static const char usage[] =
-    "usage: knead element EXPR          analyse an element of springs and dampers, with reasons\n"
-    "       knead element --catalogue   list the eleven elements of the first paper's figure 2\n\n"
-    "EXPR connects springs s and dampers d in series (-) or in parallel (|). The sign - binds tighter; parentheses "
-    "group:\n"
-    "    knead element '(s|d)-d'       a spring beside a damper, in series with a damper: the papers' element\n"
-    "    knead element 's-d|s'         the same as '(s-d)|s'\n"
-    "    knead element burgers         an element by its name: burgers s-d-(s|d), jeffreys (s|d)-d, maxwell s-d,\n"
-    "                                  voigt (kelvin, kelvin-voigt) s|d, zener (sls) (s-d)|s, spring s,\n"
-    "                                  damper (dashpot) d\n"
-    "    knead element 'maxwell|maxwell'    names can be parts of an expression, too\n\n"
-    "The output begins with the verdicts of the first paper's rules on residual deformation, bouncing and vibration.\n"
-    "The impedance between the two ends follows, with its limits at low and at high frequency.\n"
-    "Last come the number of parameters that can be identified, and the elements with the same response.\n"
-    "To test an element on the virtual rheometer, use knead creep, relax and sweep.\n\n"
-    "A wrong EXPR is reported in one line, EXPR:1:col: what is wrong, what was expected, with exit code 2.\n";
+    "usage: knead element EXPR\n"
+    "       knead element --catalogue\n\n"
+    "Analyse an element of springs and dampers, with reasons. The output begins with the verdicts of the first\n"
+    "paper's rules on residual deformation, bouncing and vibration. The impedance between the two ends follows, with\n"
+    "its limits at low and at high frequency. Last come the number of parameters that can be identified, and the\n"
+    "elements with the same response. To test an element on the virtual rheometer, use knead creep, relax and "
+    "sweep.\n\n"
+    "  EXPR              springs s and dampers d in series (-) or in parallel (|). The sign - binds tighter;\n"
+    "                    parentheses group. Names can be parts: burgers s-d-(s|d), jeffreys (s|d)-d, maxwell s-d,\n"
+    "                    voigt (kelvin, kelvin-voigt) s|d, zener (sls) (s-d)|s, spring s, damper (dashpot) d. A\n"
+    "                    wrong EXPR is reported in one line, EXPR:1:col: what is wrong, what was expected\n"
+    "  --catalogue       list the eleven elements of the first paper's figure 2\n\n"
+    "Examples:\n"
+    "    knead element '(s|d)-d'\n"
+    "    knead element 'maxwell|maxwell'\n"
+    "    knead element --catalogue\n\n"
+    "Exit codes: 0 ok, 2 bad input.\n";
 
 // Parse the text of an element that is known to be valid.
 static kn_element element_of(const char *text)
@@ -265,7 +267,7 @@ static void print_catalogue(void)
 int kn_element_main(int argc, char **argv)
 {
     static const kn_option rows[] = {KN_OPTION("catalogue", FLAG, .offset = 0)};
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = usage, .short_help = true};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = usage};
     bool catalogue = false;
     const int code = kn_options_read(&table, &catalogue, argc, argv);
     if (code != KN_OPTIONS_READ) return code;

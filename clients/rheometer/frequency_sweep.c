@@ -9,25 +9,24 @@
 #include <stdio.h>
 
 static const char help[] =
-    "usage: knead sweep MATERIAL|EXPR [--freq LOW:HIGH[:NUMBER]] [OPTION]...\n\n"
-    "Compresses a specimen sinusoidally and prints two moduli (stress over strain) at each frequency.\n"
-    "G' is the storage modulus, from the stress in phase with the strain.\n"
-    "G'' is the loss modulus, from the stress a quarter period ahead of the strain.\n"
-    "The frequencies are evenly spaced on a logarithmic scale.\n\n"
-    "    knead sweep dough --freq 0.001:10 --png sweep.png\n"
-    "    knead sweep dough --freq 0.01:1:5 --amplitude 1%\n"
-    "    knead sweep maxwell --param s1='10 kPa' --param d1='2 kPa*s'\n\n"
-    "  --freq L:H[:N]    N frequencies from L to H, Hz (default: 0.001:100:26)\n"
-    "  --amplitude A     oscillate with the strain amplitude A, 1% or 0.01, until the stress is periodic\n"
-    "                    (default: an infinitesimal amplitude)\n" KN_RHEOMETER_LATTICE_HELP
+    "usage: knead sweep MATERIAL|EXPR [OPTION]...\n\n"
+    "Virtual rheometer: compress a specimen sinusoidally and print two moduli (stress over strain) at each\n"
+    "frequency. G' is the storage modulus, from the stress in phase with the strain. G'' is the loss modulus, from\n"
+    "the stress a quarter period ahead of the strain. The moduli refer to the initial section S0. Without\n"
+    "--amplitude the oscillation is infinitesimal, and every damper has its viscosity at rest. This holds up to the\n"
+    "amplitude linear_strain, at which the first stress-dependent damper reaches its stress p0.\n\n"
+    "  --frequency L:H[:N]\n"
+    "                    N frequencies from L to H, Hz, evenly spaced on a logarithmic scale (default: 0.001:100:26)\n"
+    "  --amplitude A     oscillate with the strain amplitude A, 1% or 0.01, until the stress is periodic, as an\n"
+    "                    instrument does. The moduli are those of the fundamental; harmonics is the share of the\n"
+    "                    stress outside it\n" KN_RHEOMETER_LATTICE_HELP
     "  --csv FILE        write frequency_hz,storage_pa,loss_pa,loss_tangent,linear_strain,harmonics\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP "\n"
-    "Without --amplitude the oscillation is infinitesimal: every damper has its viscosity at rest.\n"
-    "This holds up to the amplitude linear_strain, at which the first stress-dependent damper reaches its stress p0.\n"
-    "With --amplitude the test is made as on an instrument: the moduli are those of the fundamental of the stress.\n"
-    "The column harmonics is then the share of the stress outside the fundamental.\n"
-    "The area is constant: moduli refer to the initial section S0.\n"
+    "Examples:\n"
+    "    knead sweep dough --frequency 0.001:10 --csv sweep.csv --png sweep.png\n"
+    "    knead sweep dough --frequency 0.01:1:5 --amplitude 1%\n"
+    "    knead sweep maxwell --param s1='10 kPa' --param d1='2 kPa*s'\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"frequency_hz",  "storage_pa", "loss_pa", "loss_tangent",

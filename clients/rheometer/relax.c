@@ -9,18 +9,20 @@
 #include <string.h>
 
 static const char help[] =
-    "usage: knead relax MATERIAL|EXPR [--strain S] [--ramp RATE] [OPTION]...\n\n"
-    "Compresses a specimen by a share of its height, holds it there, and prints how the stress relaxes.\n\n"
-    "    knead relax dough --strain 30% --ramp 10%/s --hold 200 --png relax.png\n"
-    "    knead relax zener --param s1='46 kPa' --param d1='245 kPa*s' --param s2='20 kPa' --strain 10%\n\n"
+    "usage: knead relax MATERIAL|EXPR [OPTION]...\n\n"
+    "Virtual rheometer: compress a specimen by a share of its height, hold it there, and print how the stress\n"
+    "relaxes.\n\n"
     "  --strain S        share of the height, 10% or 0.1 (default: 10 %)\n"
-    "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s' (default: a step of strain)\n"
-    "                    A step is impossible for an element that responds as a dashpot at first, such as dough\n"
+    "  --ramp RATE       strain per second, 10%/s, or a speed, '1 mm/s' (default: a step of strain). A step is\n"
+    "                    impossible for a lattice, and for an element that responds as a damper at first, such as\n"
+    "                    dough\n"
     "  --hold TIME       time at that strain (default: 100 s)\n" KN_RHEOMETER_LATTICE_HELP
-    "                    a step of strain is impossible for a lattice: needs --ramp\n"
     "  --csv FILE        write time_s,held_s,strain,stress_pa,modulus_pa,force_n; held_s < 0 during the ramp\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
+    "Examples:\n"
+    "    knead relax dough --strain 30% --ramp 2%/s --csv relax.csv --png relax.png\n"
+    "    knead relax zener --param s1='46 kPa' --param d1='245 kPa*s' --param s2='20 kPa' --strain 10%\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"time_s", "held_s", "strain", "stress_pa", "modulus_pa", "force_n", NULL};

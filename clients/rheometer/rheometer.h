@@ -6,7 +6,7 @@
 //         =============             --lattice it is a block of N x N x N cells with a scene's law, stepped by core/step.h
 //         |   1 cm    |             as in the server. A plate of prescribed force or height presses it.
 //         =============             Force = P S with stress P and section S. S grows as the height h falls, S h = S0 h0
-//             table                 (first paper, equation 4), unless --area constant is given.
+//             table                 (first paper, equation 4), unless --constant-area is given.
 //
 // The force of the element follows from its stress. The force of a lattice is that on its plate, and its stress is this
 // force over the same section S, whatever section the lattice itself has.
@@ -117,7 +117,7 @@ int kn_rheometer_main(const kn_experiment *experiment, kn_rheometer_options opt,
 
 // Help text on the specimen, shared by creep, relax, sweep and tpa.
 #define KN_RHEOMETER_HELP                                                                                              \
-    "the specimen, a 1 cm cube:\n"                                                                                     \
+    "\nthe specimen, a 1 cm cube:\n"                                                                                   \
     "  MATERIAL          clay, dough, dough-lattice, fibrotic-liver, jelly, liver, putty, alone or with\n"             \
     "                    -rheological, -viscoelastic, -plastic; or a scene, for its material: a file, or a\n"          \
     "                    name that is no material, such as bun\n"                                                      \
@@ -130,13 +130,13 @@ int kn_rheometer_main(const kn_experiment *experiment, kn_rheometer_options opt,
 
 // Help text of --lattice.
 #define KN_RHEOMETER_LATTICE_HELP                                                                                      \
-    "  --lattice NxNxN   also test a lattice of so many cells, as high as the specimen, by the solver of kneadd:\n"    \
-    "                    between a table and a level plate, as in a laboratory\n"                                      \
+    "  --lattice NxNxN   also test a lattice of so many cells, as high as the specimen, by the solver of kneadd,\n"    \
+    "                    between a table and a level plate\n"                                                          \
     "  --table HOW       the lattice on the table: slide (without friction, default) or stick\n"                       \
     "  --plate HOW       the lattice on the plate: stick (default) or slide\n"
 
 // Help text of --area, for creep, relax and tpa, whose stress depends on the section of the specimen.
 #define KN_RHEOMETER_AREA_HELP                                                                                         \
-    "  --area constant   take stress = force/S0; by default the section grows as the height falls, S h = S0 h0\n"
+    "  --constant-area   take stress = force/S0; by default the section grows as the height falls, S h = S0 h0\n"
 
 #endif

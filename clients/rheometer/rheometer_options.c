@@ -8,57 +8,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Read a finite number. A number without a unit is accepted only if `bare` is true.
-static bool read_quantity(const char *text, const char *unit, bool bare, double *value)
-{
-    return kn_quantity_read(text, unit, bare, -DBL_MAX, DBL_MAX, value);
-}
-
-// Split a text like "50%/s": copy the part before the percent sign to `number`, and return the rest from the sign on.
-// Return NULL if the text has no percent sign.
-static const char *split_percent(const char *text, char number[64])
-{
-    snprintf(number, 64, "%.*s", (int)strcspn(text, "%"), text);
-    return strchr(text, '%');
-}
-
-// Read a share of the specimen's height from a text like "50%" or "0.5".
-static const char *take_share(void *share, const char *text)
-{
-    char number[64];
-    double *value = share;
-    const char *percent = split_percent(text, number);
-    bool good = read_quantity(number, "1", true, value) && (!percent || percent[1] == '\0');
-    if (percent) *value /= 100;
-    return good && *value > 0 && *value < 1 ? NULL : "a share of the height between 0 and 100 %, like 10%";
-}
-
 // Read a strain rate from a text like "10%/s" or "0.1 1/s". A speed is divided by the height of the cube.
 static const char *take_ramp(void *ramp_per_s, const char *text)
 {
-    char number[64];
-    double *value = ramp_per_s;
-    const char *percent = split_percent(text, number);
-    bool good = percent ? !strcmp(percent, "%/s") && read_quantity(number, "1", true, value)
-                        : read_quantity(text, "1/s", false, value);
-    if (percent) *value /= 100;
-    // If the text is not a strain rate, read it as a speed of the plate.
-    if (!good && (good = read_quantity(text, "m/s", false, value))) *value /= KN_RHEOMETER_HEIGHT_M;
-    return good && *value > 0 ? NULL : "a strain per second like 10%/s, or a speed like '1 mm/s'";
-}
-
-// Read the loads: weights separated by commas.
-static const char *take_loads(void *options, const char *text)
-{
-    kn_rheometer_options *opt = options;
-    opt->loads = 0;
-    for (const char *at = text; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
-        char one[64];
-        snprintf(one, sizeof one, "%.*s", (int)strcspn(at, ","), at);
-        if (opt->loads == KN_RHEOMETER_LOADS) return "at most 16 loads";
-        if (!kn_quantity_read(one, "N", false, KN_ABOVE_0, DBL_MAX, &opt->load_n[opt->loads++]))
-            return "weights above 0 like 50gf or 10gf,30gf,0.5N";
-    }
+    if (kn_quantity_read(text, "1/s", false, KN_ABOVE_0, DBL_MAX, ramp_per_s)) return NULL;
+    if (!kn_quantity_read(text, "m/s", false, KN_ABOVE_0, DBL_MAX, ramp_per_s))
+        return "a strain per second like 10%/s, or a speed like '1 mm/s'";
+    *(double *)ramp_per_s /= KN_RHEOMETER_HEIGHT_M;
     return NULL;
 }
 
@@ -88,23 +44,27 @@ static const char *take_lattice(void *lattice, const char *text)
 }
 
 #define AT(member) .offset = offsetof(kn_rheometer_options, member)
+#define SHARE                                                                                                          \
+    .unit = "1", KN_RANGE(KN_ABOVE_0, KN_BELOW_1), .expected = "a share of the height between 0 and 100 %, like 10%"
 // Options of creep, relax, sweep and tpa. `belongs` lists the first letters of the experiments that accept the option.
 static const kn_option rows[] = {
-    KN_OPTION("load", SPECIAL, .take = take_loads, .belongs = "c"),
+    KN_OPTION("load", QUANTITY, AT(load_n), .unit = "N", .items = KN_RHEOMETER_LOADS,
+              .count = offsetof(kn_rheometer_options, loads), .belongs = "c",
+              .expected = "at most 16 weights above 0 like 50gf or 10gf,30gf,0.5N"),
     KN_OPTION("hold", QUANTITY, AT(hold_s), .unit = "s", .expected = "a time like 60 or '1000 ms'", .belongs = "cr"),
     KN_OPTION("rest", QUANTITY, AT(rest_s), .unit = "s", KN_RANGE(0, DBL_MAX),
               .expected = "a time like 70 or '1000 ms'", .belongs = "c"),
-    KN_OPTION("strain", SPECIAL, AT(strain), .take = take_share, .belongs = "rt"),
+    KN_OPTION("strain", QUANTITY, AT(strain), SHARE, .belongs = "rt"),
     KN_OPTION("ramp", SPECIAL, AT(ramp_per_s), .take = take_ramp, .belongs = "r"),
-    KN_OPTION("freq", SPECIAL, .take = take_frequencies, .belongs = "s"),
+    KN_OPTION("frequency", SPECIAL, .take = take_frequencies, .belongs = "s"),
     KN_OPTION("speed", QUANTITY, AT(speed_m_s), .unit = "m/s", .expected = "a speed like '1 mm/s'", .belongs = "t"),
-    KN_OPTION("amplitude", SPECIAL, AT(amplitude), .take = take_share, .belongs = "s"),
+    KN_OPTION("amplitude", QUANTITY, AT(amplitude), SHARE, .belongs = "s"),
     KN_OPTION("wait", QUANTITY, AT(wait_s), .unit = "s", KN_RANGE(0, DBL_MAX), .expected = "a time like 5 or '1000 ms'",
               .belongs = "t"),
     KN_OPTION("param", LIST, AT(params), .count = offsetof(kn_rheometer_options, param_count)),
     KN_OPTION("set", LIST, AT(sets), .count = offsetof(kn_rheometer_options, set_count)),
-    KN_OPTION("area", EITHER, AT(constant_area), .unit = "grows|constant", .expected = "constant or grows",
-              .belongs = "crt"),
+    KN_OPTION("constant-area", FLAG, AT(constant_area), .belongs = "crt"),
+    KN_OPTION("area", RENAMED, .expected = "--constant-area", .belongs = "crt"),
     KN_OPTION("lattice", SPECIAL, AT(lattice), .take = take_lattice),
     KN_OPTION("table", EITHER, AT(table_sticks), .unit = "slide|stick", .expected = "slide or stick"),
     KN_OPTION("plate", EITHER, AT(plate_slides), .unit = "stick|slide", .expected = "stick or slide"),
@@ -118,8 +78,7 @@ static const kn_option rows[] = {
 int kn_rheometer_options_parse(kn_rheometer_options *opt, const char *subcommand, const char *help, int argc,
                                char **argv)
 {
-    const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .unknown = "unknown option; --help lists them",
-                                   .experiment = *subcommand};
+    const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .experiment = *subcommand};
     opt->subcommand = subcommand;
     // Allocate one entry per argument, because an option cannot occur more often than there are arguments.
     opt->params = calloc((size_t)argc, sizeof *opt->params);

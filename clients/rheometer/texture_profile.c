@@ -21,22 +21,23 @@
 #include <stdio.h>
 
 static const char help[] =
-    "usage: knead tpa MATERIAL|EXPR [--strain S] [--speed V] [--wait TIME] [OPTION]...\n\n"
-    "Texture profile analysis: a plate presses the specimen twice (two bites).\n"
-    "The two peaks of the force give hardness, cohesiveness, springiness and resilience, as in food laboratories.\n"
-    "A plate with adhesion also pulls, which gives the adhesiveness.\n\n"
-    "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
-    "    knead tpa jelly --strain 30%\n\n"
+    "usage: knead tpa MATERIAL|EXPR [OPTION]...\n\n"
+    "Virtual rheometer, texture profile analysis: a plate presses the specimen twice (two bites). The two peaks of\n"
+    "the force give hardness, cohesiveness, springiness and resilience, as in food laboratories. A plate with\n"
+    "adhesion also pulls, which gives the adhesiveness.\n\n"
     "  --strain S        depth of both bites, as a share of the height of the untouched specimen (default: 50 %)\n"
     "  --speed V         speed of the plate, down and up (default: 1 mm/s)\n"
-    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen\n"
-    "                    (default: 5 s)\n" KN_RHEOMETER_LATTICE_HELP
+    "  --wait TIME       pause between the bites, with the plate at the height of the untouched specimen (default: 5\n"
+    "                    s)\n" KN_RHEOMETER_LATTICE_HELP
     "  --adhesion P      tension at which the plate comes off, e.g. '1 kPa' (default: 0, the plate never pulls);\n"
     "                    at the latest it comes off at the height of the untouched specimen\n"
     "  --csv FILE        write bite,time_s,plate_m,strain,force_n,stress_pa; plate_m is the depth of the plate\n"
     "                    below the height of the untouched specimen\n"
     "  --png FILE        draw the curves (needs gnuplot)\n"
     "  --json            print the results as JSON\n" KN_RHEOMETER_HELP KN_RHEOMETER_AREA_HELP "\n"
+    "Examples:\n"
+    "    knead tpa dough --strain 50% --speed 1mm/s --wait 5 --png tpa.png\n"
+    "    knead tpa jelly --strain 30%\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 
 static const char *const columns[] = {"bite", "time_s", "plate_m", "strain", "force_n", "stress_pa", NULL};

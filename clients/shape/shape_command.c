@@ -13,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 #include <yaml.h>
 
 static const char me[] = "identify shape";
@@ -154,9 +155,10 @@ static void *fit_next(void *of)
     }
 }
 
-// Fit all candidates with up to `jobs` threads, including the calling thread.
-static int fit_all(kn_candidate *candidate, int count, const kn_measurement *m, int jobs)
+// Fit all candidates with a thread per processor, including the calling thread.
+static int fit_all(kn_candidate *candidate, int count, const kn_measurement *m)
 {
+    const long jobs = sysconf(_SC_NPROCESSORS_ONLN);
     pthread_t thread[KN_CANDIDATES];
     fit_queue q = {.candidate = candidate, .measurement = m, .count = count};
     int started = 0;
@@ -227,7 +229,7 @@ static int press_finer(const kn_shape_options *o, const kn_measurement *m, const
     }
     if (!kn_candidate_finer(&finer, best, &o->scene, error, sizeof error))
         return kn_complain(me, KN_EXIT_USAGE, "--finer: %s", error);
-    const int code = fit_all(&finer, 1, m, 1);
+    const int code = fit_all(&finer, 1, m);
     if (code == KN_EXIT_OK) kn_shape_print_finer(m, best, &finer);
     kn_candidate_free(&finer);
     return code;
@@ -262,7 +264,7 @@ static int identify(const kn_shape_options *o, kn_candidate *candidate, int coun
         code = kn_complain(me, KN_EXIT_USAGE,
                            "--png %s: expected --depth or a force: %s has no force, and points are not drawn", o->png,
                            o->log);
-    if (code == KN_EXIT_OK) code = fit_all(candidate, count, &m, o->jobs);
+    if (code == KN_EXIT_OK) code = fit_all(candidate, count, &m);
     if (code == KN_EXIT_OK) {
         kn_structure_verdict_make(&v, count, candidate, &m);
         kn_shape_print(&m, candidate, count, &v);

@@ -22,7 +22,6 @@ typedef struct kn_shape_options { // all paths are pointers into argv
     kn_range_given given;
     bool align, finer;
     const char *only;
-    int jobs;
     const char *png, *out, *out_depth;
 } kn_shape_options;
 

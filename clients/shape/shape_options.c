@@ -13,23 +13,23 @@
 static const char help[] =
     "usage: knead identify shape SCENE --depth IMAGE.png [--force FILE.csv | --log LOG] [OPTION]...\n"
     "       knead identify shape SCENE --points FILE.csv [--force FILE.csv | --log LOG] [OPTION]...\n\n"
-    "Find the structure of the first paper that behaves like a pressed specimen: diagonals, inside pressure, or both.\n"
-    "The scene gives the object, the material of the object (see knead identify creep) and the tool.\n"
-    "Each structure is pressed as the specimen was, and is fitted to the measured surface and the measured force.\n"
-    "The fit finds the inside pressure P0 and the stress area gamma of the edges. It weights measurements by their noise.\n\n"
-    "    knead identify shape dough.yaml --depth dent-range.png --force force.csv --out found.yaml\n"
-    "    knead identify shape dough.yaml --log press.lcmlog --depth held.png --at 36\n"
-    "    knead identify shape bun.yaml --points scan.csv --at end --probe finger\n\n"
+    "Find the structure of the first paper that behaves like a pressed specimen: diagonals, inside pressure, or\n"
+    "both. The scene gives the object, its material (see knead identify creep) and the tool. Each structure is\n"
+    "pressed as the specimen was, and is fitted to the measured surface and the measured force. The fit finds the\n"
+    "inside pressure P0 and the stress area gamma of the edges. It weights measurements by their noise.\n\n"
     "measurements:\n"
     "  --depth FILE      range image from above, as knead view --depth writes it: PNG of 16-bit grey; up to 4 images\n"
     "  --points FILE     points on the surface, in the scene's frame: columns x, y and z with their units\n"
-    "  --at WHEN[,WHEN]  time of each surface: hold (end of the hold), end (of the press), or seconds since the press began;\n"
-    "                    with --log, seconds as in knead view --at (default: hold; with --log: end)\n"
-    "  --force FILE      contact force over time: a column in s, and one in N, gf or the like; used up to the end of the hold\n"
-    "  --force-begin S   time in the force file at which the press begins, seconds (default: 0)\n"
+    "  --at WHEN[,WHEN]  time of each surface: hold (end of the hold), end (of the press), or a time since the press\n"
+    "                    began; with --log, a time as in knead view --at (default: hold; with --log: end)\n"
+    "  --force FILE      contact force over time: a column in s, one in N, gf or the like; used up to the end of the\n"
+    "                    hold\n"
+    "  --force-begin TIME\n"
+    "                    time in the force file at which the press begins (default: 0)\n"
     "  --align           fit a small shift of all images, for images whose stated place is not exact\n"
-    "  --step L, --pixel L, --left L, --top L    height of a grey level, side of a pixel, x and y of the first pixel's centre,\n"
-    "                    e.g. '0.1 mm', for images that do not state these values or state wrong ones\n"
+    "  --step L, --pixel L, --left L, --top L\n"
+    "                    height of a grey level, side of a pixel, x and y of the first pixel's centre, e.g. '0.1 mm',\n"
+    "                    for images that do not state these values or state wrong ones\n\n"
     "press:\n"
     "  --log LOG         press as in this recording, and use its forces unless --force is given\n"
     "                    (default: the first paper's press, which the next three options change)\n"
@@ -37,18 +37,19 @@ static const char help[] =
     "  --speed V         speed of the tool (default: '10 mm/s')\n"
     "  --hold TIME       time at the lowest position (default: '30 s')\n"
     "  --probe NAME      tool that presses (default: the first plate; without a plate, the first probe;\n"
-    "                    with --log: the first tool that touches the object)\n"
+    "                    with --log: the first tool that touches the object)\n\n"
     "structures:\n"
-    "  --only LIST       structures to fit: diagonals, pressure, both, mesh, mesh-pressure (default: all that are possible)\n"
-    "  --mesh FILE --mesh-unit mm    tetrahedra that fill the object; adds two structures, with and without gas\n"
+    "  --only LIST       structures to fit: diagonals, pressure, both, mesh, mesh-pressure (default: all possible\n"
+    "                    ones)\n"
+    "  --mesh FILE --mesh-unit mm\n"
+    "                    tetrahedra that fill the object; adds two structures, with and without gas\n"
     "  --set KEY=VALUE   set any key of the scene\n"
-    "  --jobs N          structures to fit at the same time, 1 to 64 (default: the number of processors)\n"
-    "  --finer           press the best structure once more with cells half as wide, which takes about ten times as long;\n"
-    "                    this shows how much of the misfit comes from the lattice\n"
-    "output:\n"
+    "  --finer           press the best structure once more with cells half as wide, which takes about ten times as\n"
+    "                    long; this shows how much of the misfit comes from the lattice\n\n"
+    "results:\n"
     "  --out FILE        scene with the best structure and its parameters; kneadd loads it\n"
     "  --out-depth FILE  range image of the best structure, in the frame of the first --depth image\n"
-    "  --png FILE        plot of the measurement, the result, their difference and the forces, by gnuplot\n"
+    "  --png FILE        plot of the measurement, the result, their difference and the forces (needs gnuplot)\n"
     "  --json            print the results as JSON\n\n"
     "columns of the table:\n"
     "  P0 atm, gamma     best values with 95 % intervals, which are valid if the model is right\n"
@@ -56,10 +57,13 @@ static const char help[] =
     "  force%            rms misfit of the force, % of the largest force\n"
     "  bulge x, y        how far the sides stand out, mm, as \"MEASURED > MODEL\"; in an image, at the widest place\n"
     "  off               rms residual in units of the noise\n"
-    "  dAICc             AICc minus that of the best structure; with 10 or more, a structure has hardly any support\n"
-    "For the intervals and dAICc, neighbouring residuals that agree count as fewer readings.\n"
-    "\"stopped early\" at the end of a row: the misfit is so large that the search ended before the fit was exact.\n"
-    "\"not settled\" at the end of a row: the fit reached the limit of presses.\n"
+    "  dAICc             AICc minus that of the best structure; with 10 or more, a structure has hardly any support.\n"
+    "                    For the intervals and dAICc, neighbouring residuals that agree count as fewer readings\n"
+    "  stopped early     the misfit is so large that the search ended before the fit was exact\n"
+    "  not settled       the fit reached the limit of presses\n\n"
+    "Examples:\n"
+    "    knead view press.lcmlog --at 4 --depth dent.png\n"
+    "    knead identify shape dough-small --log press.lcmlog --depth dent.png --at 4 --only both --out found.yaml\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 a file cannot be written.\n";
 // clang-format on
 
@@ -79,15 +83,6 @@ static const char *take_hold(void *hold_s, const char *text)
     double *hold = hold_s;
     if (!kn_quantity_read(text, "s", true, 0, 3600, hold)) return "a time from 0 to 3600 s";
     if (*hold == 0) *hold = -1;
-    return NULL;
-}
-
-// Parse a whole number of jobs.
-static const char *take_jobs(void *jobs, const char *text)
-{
-    double value;
-    if (!kn_number_take(text, 1, 64, &value) || value != floor(value)) return "a whole number from 1 to 64";
-    *(int *)jobs = (int)value;
     return NULL;
 }
 
@@ -141,7 +136,6 @@ static const kn_option rows[] = {
     KN_OPTION("mesh", TEXT, AT(scene.mesh)),
     KN_OPTION("mesh-unit", TEXT, AT(scene.mesh_unit)),
     KN_OPTION("set", LIST, AT(sets), COUNT(scene.set_count)),
-    KN_OPTION("jobs", SPECIAL, AT(jobs), .take = take_jobs),
     KN_OPTION("out", TEXT, AT(out)),
     KN_OPTION("out-depth", TEXT, AT(out_depth)),
     KN_OPTION("png", TEXT, AT(png)),
@@ -150,11 +144,9 @@ static const kn_option rows[] = {
 
 int kn_shape_options_parse(kn_shape_options *o, int argc, char **argv)
 {
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true, .help_last = true,
-                                          .unknown = "unknown option; --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     const double none = (double)NAN;
-    *o = (kn_shape_options){.given = {none, none, none, none},
-                            .jobs = (int)fmax(1, (double)sysconf(_SC_NPROCESSORS_ONLN))};
+    *o = (kn_shape_options){.given = {none, none, none, none}};
     o->sets = calloc((size_t)argc + 1, sizeof *o->sets);
     if (!o->sets) return kn_complain("identify shape", KN_EXIT_INTERNAL, "out of memory");
     o->scene.sets = o->sets;

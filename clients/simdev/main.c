@@ -19,15 +19,15 @@ static void on_signal(int signal)
 // clang-format off
 static void help(void)
 {
-    puts("usage: knead-simdev --uart [--baud N] [--link PATH] | --bar NAME [--engine golden|rtl] [--caps N,E,B]\n"
-         "                    [--fault NAME[=RATE],...] [--seed N]\n\n"
+    puts("usage: knead-simdev --uart [OPTION]...\n"
+         "       knead-simdev --bar NAME [OPTION]...\n\n"
          "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory.\n"
          "Print the URI by which a host reaches the circuit, run until SIGTERM or SIGINT, then print the counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
          "  --link PATH       symbolic link to the terminal; PATH stays the same after an unplug or a restart\n"
          "  --bar NAME        act as the memory of a PCI card, in /dev/shm/NAME\n"
-         "  --engine NAME     golden or rtl (default: golden).\n"
+         "  --engine NAME     golden or rtl (default: golden)\n"
          "                    golden computes the lattice in integers, in real time.\n"
          "                    rtl is the circuit of hdl/rtl, simulated by Verilator, with its own link for --uart.\n"
          "                    It is slower than real time, so the host needs URI?miss=1000.\n"
@@ -35,12 +35,15 @@ static void help(void)
          "  --caps N,E,B      log2 of the largest number of nodes, edges and nodes under tools.\n"
          "                    golden: 0..16,0..20,1..10 (default: 12,16,10); rtl: always 10,14,10\n"
          "  --seed N          seed of the random numbers (default: 1)\n"
-         "  --fault ...       inject faults at random into this share of the requests (default: 0.01):");
+         "  --fault NAME[=RATE],...\n"
+         "                    inject faults at random into this share of the requests (default: 0.01):");
 #define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
     printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
     KN_LINK_FAULTS(KN_LINK_FAULT_HELP)
 #undef KN_LINK_FAULT_HELP
-    puts("  --help, --version\n\n"
+    puts("\nExamples:\n"
+         "    knead-simdev --uart --link board\n"
+         "    knead-simdev --bar knead-card --fault delay=0.001,hang --seed 2\n\n"
          "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or NAME is in use.");
 }
 // clang-format on
@@ -58,7 +61,7 @@ static const char *take_caps(void *to, const char *text)
     const bool good = sscanf(text, "%d,%d,%d%n", &caps->nodes, &caps->edges, &caps->bounds, &end) == 3 && !text[end] &&
                       caps->nodes >= 0 && caps->nodes <= 16 && caps->edges >= 0 && caps->edges <= 20 &&
                       caps->bounds >= 1 && caps->bounds <= 10;
-    return good ? NULL : "--caps with 0..16,0..20,1..10";
+    return good ? NULL : "0..16,0..20,1..10";
 }
 
 static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
@@ -103,14 +106,14 @@ static const char *take_seed(void *value, const char *text)
 {
     char *end;
     *(unsigned long long *)value = strtoull(text, &end, 10);
-    return end != text && !*end ? NULL : "--seed with a whole number";
+    return end != text && !*end ? NULL : "a whole number";
 }
 
 static const char *take_baud(void *baud, const char *text)
 {
     const unsigned long long *value = baud;
     const bool good = !take_seed(baud, text) && *value >= 1200 && *value <= 100000000;
-    return good ? NULL : "--baud with a whole number from 1200 to 100000000";
+    return good ? NULL : "a whole number from 1200 to 100000000";
 }
 
 static const char *take_faults(void *faults, const char *text)
@@ -129,14 +132,13 @@ static int run(int argc, char **argv)
         KN_OPTION("link", TEXT, AT(link)),
         KN_OPTION("baud", SPECIAL, AT(baud), .take = take_baud),
         KN_OPTION("bar", TEXT, AT(bar)),
-        KN_OPTION("engine", EITHER, AT(rtl), .unit = "golden|rtl", .expected = "--engine golden or rtl"),
+        KN_OPTION("engine", EITHER, AT(rtl), .unit = "golden|rtl"),
         KN_OPTION("caps", SPECIAL, AT(caps), .given = offsetof(options, sized), .take = take_caps),
         KN_OPTION("fault", SPECIAL, AT(faults), .take = take_faults),
         KN_OPTION("seed", SPECIAL, AT(seed), .take = take_seed),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "knead-simdev",
-                                          .print_help = help,   .version = "knead-simdev " KN_VERSION,
-                                          .value_first = true,  .always_named = true};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "knead-simdev", .print_help = help,
+                                          .version = "knead-simdev " KN_VERSION};
     static kn_simdev s;
     options o = {.faults = &s.faults, .caps = {12, 16, 10}, .seed = 1};
     const int code = kn_options_read(&table, &o, argc, argv);

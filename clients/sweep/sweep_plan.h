@@ -101,13 +101,13 @@ const char *kn_sweep_run_effort(const kn_sweep_run *run, char text[64]);
 #define KN_TRADEOFF_SETS 64
 
 typedef struct kn_tradeoff_options {
-    // Names of files and folders (scene, log, csv, plot, resume), list of hosts, and job of a worker process; NULL: the
+    // Names of files and folders (scene, log, csv, png, resume), list of hosts, and job of a worker process; NULL: the
     // option was not given.
-    const char *scene, *log, *csv, *plot, *resume, *hosts, *job;
+    const char *scene, *log, *csv, *png, *resume, *hosts, *job;
     const char *sets[KN_TRADEOFF_SETS];
     int set_count, jobs;
     bool quick, write;
-    // Upper limit [us] of the chosen point's tick times (90th percentile); 0: --budget-us was not given.
+    // Upper limit [us] of the chosen point's tick times (90th percentile); 0: --budget was not given.
     double budget_us;
     // True: the user gave a list for an axis, so the sweep has one point for each combination of listed values.
     bool listed;

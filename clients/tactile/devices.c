@@ -24,6 +24,8 @@ static const char help[] =
     "device is not ready, the entry has the reason and the fix. No device is opened.\n\n"
     "  --json       print JSON\n"
     "  --root DIR   search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
+    "Examples:\n"
+    "    knead devices\n\n"
     "Exit codes: 0 the list was printed, 2 bad input.\n";
 
 // Known USB devices. Columns: vendor, product (-1: any), name, most suitable profile, driver of `knead hand` (NULL:
@@ -291,8 +293,7 @@ int kn_devices_main(int argc, char **argv)
         KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
         KN_OPTION("root", TEXT, .offset = offsetof(options, root)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
-                                          .unknown = "unknown option; knead devices --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     options o = {.root = ""};
     int code = kn_options_read(&table, &o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;

@@ -31,14 +31,18 @@
 // Each line of the help text is one line here, so that it can be read as it is printed.
 // clang-format off
 static const char help[] =
-    "usage: knead doctor [--json] [--seconds N]\n\n"
-    "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time priority,\n"
-    "locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and instructions, the user's\n"
-    "groups, and the permissions of devices. Then run a thread that sleeps until each millisecond, as the servo thread of kneadd\n"
-    "does, and measure how late it wakes up, and what a second thread would bring.\n\n"
-    "  --seconds N   measure for N seconds, 1 to 3600 (default: 2)\n"
-    "  --json        print JSON\n"
-    "  --root DIR    search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
+    "usage: knead doctor [OPTION]...\n\n"
+    "Check that this machine can serve a hand at 1 kHz, and print a fix for everything that is missing: real-time\n"
+    "priority, locked memory, the loopback route of LCM's group, socket buffers, the processor's clock and\n"
+    "instructions, the user's groups, and the permissions of devices. Then run a thread that sleeps until each\n"
+    "millisecond, as the servo thread of kneadd does, and measure how late it wakes up, and what a second thread\n"
+    "would bring.\n\n"
+    "  --seconds TIME  measure for this time, 1 s to 1 h (default: 2 s)\n"
+    "  --json          print JSON\n"
+    "  --root DIR      search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
+    "Examples:\n"
+    "    knead doctor\n"
+    "    knead doctor --seconds '5 s' --json\n\n"
     "Exit codes: 0 all checks have passed, 1 a check has failed, 2 bad input.\n";
 // clang-format on
 
@@ -362,17 +366,18 @@ static void print_lines(const findings *f)
 typedef struct options {
     const char *root;
     bool json;
-    int seconds;
+    double seconds;
 } options;
 
 int kn_doctor_main(int argc, char **argv)
 {
     static const kn_option rows[] = {
         KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
-        KN_OPTION("seconds", INTEGER, .offset = offsetof(options, seconds), .expected = "1 .. 3600", KN_RANGE(1, 3600)),
+        KN_OPTION("seconds", QUANTITY, .offset = offsetof(options, seconds), .unit = "s",
+                  .expected = "a time from 1 to 3600 s", KN_RANGE(1, 3600)),
         KN_OPTION("root", TEXT, .offset = offsetof(options, root)),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .short_help = true};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     static findings f;
     options o = {.root = "", .seconds = 2};
     int code = kn_options_read(&table, &o, argc, argv);
@@ -384,7 +389,7 @@ int kn_doctor_main(int argc, char **argv)
     look_at_bus(&f);
     look_at_processor(&f);
     look_at_devices(&f, o.root);
-    measure(&f, o.seconds);
+    measure(&f, (int)o.seconds);
     measure_threads(&f);
     if (o.json) code = print_json(&f);
     else print_lines(&f);

@@ -60,55 +60,64 @@ typedef struct hand_options {
 // Each line of the help text is one line here, so that it can be read as it is printed.
 // clang-format off
 static const char help[] =
-    "usage: knead hand paddle --tty DEVICE [--baud N] [OPTION]...\n"
-    "       knead hand spacenav [--speed V] [--turn W] [--dead N] [--reach L] [OPTION]...\n"
-    "       knead hand haply [--url URL] [--device ID] [--preset NAME] [OPTION]...\n"
+    "usage: knead hand paddle --tty DEVICE [OPTION]...\n"
+    "       knead hand spacenav [OPTION]...\n"
+    "       knead hand haply [OPTION]...\n"
     "       knead hand forcedimension [OPTION]...\n"
-    "       knead hand touch [--device NAME] --no-watchdog [OPTION]...\n\n"
-    "Use a real device as the hand of a running kneadd: send its poses as they come, and give its motors each force as soon\n"
-    "as kneadd sends it. If no force or no pose comes for 20 ms, a watchdog sets the force to 0 N. This program then sends no\n"
-    "pose for 1.2 s, and begins a new session. In the new session the tool feels a force only after it has been clear of the\n"
-    "object. The same happens if the force jumps so much that the impulse guard trips (device.guard of the scene). If the\n"
-    "round trip to kneadd is above 5 ms, the force is 0 N. If the device disappears, this program waits for it. It runs until\n"
-    "SIGINT or SIGTERM, then prints its counters. UNTESTED ON HARDWARE: all drivers have been tested with simulated devices\n"
-    "only. Begin with a low --force-limit, and with a hand on the device's switch.\n\n"
-    "  paddle    force-feedback paddle with one degree of freedom on a serial line (Hapkit class): 20-byte frames, see\n"
-    "            clients/tactile/README.md. The paddle moves along the z axis of the device\n"
-    "    --tty DEVICE   serial line, e.g. /dev/ttyACM0; knead devices lists candidates\n"
-    "    --baud N       " KN_PADDLE_BAUDS "\n"
-    "                   (default: 921600)\n"
-    "  spacenav  3Dconnexion puck through spacenavd and libspnav: six degrees of freedom, no force. The deflection of the\n"
-    "            puck sets the velocity of the tool; the pose has the buttons of the puck\n"
-    "    --speed V      speed at full deflection (default: '5 cm/s')\n"
-    "    --turn W       rad/s at full twist; 0 keeps the tool's orientation (default: 1)\n"
-    "    --dead N       dead zone in counts; full deflection is 350 counts (default: 15)\n"
-    "    --reach L      largest distance from the zero along each axis (default: '8 cm'). The tool also stays above\n"
-    "                   half the object's height, because no force stops the hand\n"
-    "  haply     Inverse3 or Minverse through Haply's Inverse Service 3.5: three degrees of freedom with force, and the\n"
-    "            orientation and buttons of a grip\n"
-    "    --url URL      address of the service, ws://HOST:PORT (default: " KN_HAPLY_URL ")\n"
-    "    --device ID    arm to use (default: the first)\n"
-    "    --preset NAME  preset of the service for the placement of the arm (default: " KN_HAPLY_PRESET ")\n"
-    "  forcedimension   omega, delta or sigma through libdhd of the Force Dimension SDK 3, which you install: three degrees\n"
-    "            of freedom with force, and the orientation of a wrist\n"
-    "  touch     Touch or Phantom of 3D Systems through libHD of OpenHaptics 3, which you install: three degrees of freedom\n"
-    "            with force, and orientation and buttons of the stylus. libHD cannot show that the arm drops its force when\n"
-    "            this program dies, so --no-watchdog is required\n"
-    "    --device NAME  arm by its name in the maker's setup program (default: the default arm)\n\n"
+    "       knead hand touch --no-watchdog [OPTION]...\n\n"
+    "Use a real device as the hand of a running kneadd: send its poses as they come, and give its motors each force\n"
+    "as soon as kneadd sends it. UNTESTED ON HARDWARE: all drivers have been tested with simulated devices only.\n"
+    "Begin with a low --force-limit, and with a hand on the device's switch. If no force or no pose comes for 20 ms,\n"
+    "a watchdog sets the force to 0 N. This program then sends no pose for 1.2 s, and begins a new session. In the\n"
+    "new session the tool feels a force only after it has been clear of the object. The same happens if the force\n"
+    "jumps so much that the impulse guard trips (device.guard of the scene). If the round trip to kneadd is above 5\n"
+    "ms, the force is 0 N. If the device disappears, this program waits for it. It runs until SIGINT or SIGTERM,\n"
+    "then prints its counters.\n\n"
+    "paddle: a force-feedback paddle with one degree of freedom on a serial line (Hapkit class), with the 20-byte\n"
+    "frames of clients/tactile/README.md. The paddle moves along the z axis of the device:\n"
+    "  --tty DEVICE        serial line, e.g. /dev/ttyACM0; knead devices lists candidates\n"
+    "  --baud N            230400, 460800, 500000, 576000, 921600, 1000000, 1500000, 2000000, 3000000 or 4000000\n"
+    "                      (default: 921600)\n\n"
+    "spacenav: a 3Dconnexion puck through spacenavd and libspnav, with six degrees of freedom and no force. The\n"
+    "deflection of the puck sets the velocity of the tool; the pose has the buttons of the puck:\n"
+    "  --speed V           speed at full deflection (default: '5 cm/s')\n"
+    "  --turn W            rad/s at full twist; 0 keeps the tool's orientation (default: 1)\n"
+    "  --dead N            dead zone in counts; full deflection is 350 counts (default: 15)\n"
+    "  --reach L           largest distance from the zero along each axis (default: '8 cm'). The tool also stays\n"
+    "                      above half the object's height, because no force stops the hand\n\n"
+    "haply: an Inverse3 or Minverse through Haply's Inverse Service 3.5, with three degrees of freedom with force,\n"
+    "and the orientation and buttons of a grip:\n"
+    "  --url URL           address of the service, ws://HOST:PORT (default: " KN_HAPLY_URL ")\n"
+    "  --device ID         arm to use (default: the first)\n"
+    "  --preset NAME       preset of the service for the placement of the arm (default: " KN_HAPLY_PRESET ")\n\n"
+    "forcedimension: omega, delta or sigma through libdhd of the Force Dimension SDK 3, which you install. Three\n"
+    "degrees of freedom with force, and the orientation of a wrist.\n\n"
+    "touch: a Touch or Phantom of 3D Systems through libHD of OpenHaptics 3, which you install. Three degrees of\n"
+    "freedom with force, and orientation and buttons of the stylus. libHD cannot show that the arm drops its force\n"
+    "when this program dies, so --no-watchdog is required:\n"
+    "  --device NAME       arm by its name in the maker's setup program (default: the default arm)\n\n"
+    "all devices:\n"
     "  --probe NAME        tool of the scene (default: the first round tool, else the first tool)\n"
-    "  --origin X,Y,Z      place of the device's zero in the scene, like '0,0,6 cm' (default: device.position; if this is 0,\n"
-    "                      over the middle of the object, with the tool 2 cm above the object)\n"
-    "  --basis PERMUTATION axes of the device along x, y and z of the scene, like XYZ or Y-XZ (default: device.basis; XYZ\n"
-    "                      is x to the right, y forward, z up)\n"
+    "  --origin X,Y,Z      place of the device's zero in the scene, like '0,0,6 cm' (default: device.position; if\n"
+    "                      this is 0, over the middle of the object, with the tool 2 cm above the object)\n"
+    "  --basis AXES        axes of the device along x, y and z of the scene, like XYZ or Y-XZ (default: device.basis;\n"
+    "                      XYZ is x to the right, y forward, z up)\n"
     "  --scale F           metres of the scene per metre of the device (default: device.scale)\n"
-    "  --local             devices with motors: compute the force here, from the contact that kneadd --local-model sends and the\n"
-    "                      device's own poses; needed if the round trip is above 5 ms, which is too long for kneadd's forces\n"
-    "  --force-limit F     largest force of the motors, like '3 N' (default: device.clamp; 3.3 N for the profile bench)\n"
+    "  --local             devices with motors: compute the force here, from the contact that kneadd --local-model\n"
+    "                      sends and the device's own poses; needed if the round trip is above 5 ms\n"
+    "  --force-limit F     largest force of the motors, like '3 N' (default: device.clamp; 3.3 N for the profile\n"
+    "                      bench)\n"
     "  --no-watchdog       give force without a test of the device's own watchdog\n"
-    "  --seconds N         end after N seconds\n"
-    "  --lcm-url URL       bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --seconds TIME      end after this time (default: run until SIGINT)\n"
+    "  --lcm-url URL       bus of poses and forces (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL      bus of meshes (default: " KN_MESH_URL ")\n"
     "  --quiet             do not print the line with the tool's position and force\n\n"
+    "Examples:\n"
+    "    knead hand paddle --tty /dev/ttyACM0 --force-limit '1 N'\n"
+    "    knead hand spacenav --speed '2 cm/s'\n"
+    "    knead hand haply --force-limit '1 N'\n"
+    "    knead hand forcedimension --force-limit '1 N'\n"
+    "    knead hand touch --no-watchdog --force-limit '1 N'\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no device, no bus or no kneadd.\n";
 // clang-format on
 
@@ -221,7 +230,7 @@ static const kn_option rows[] = {
     KN_OPTION("basis", SPECIAL, AT(basis), .take = take_basis),
     KN_OPTION("scale", REAL, AT(scale), .expected = "a number above 0"),
     KN_OPTION("force-limit", QUANTITY, AT(force_limit_n), .unit = "N", .expected = "something like '3.3 N'"),
-    KN_OPTION("seconds", REAL, AT(seconds), .expected = "a number above 0"),
+    KN_OPTION("seconds", QUANTITY, AT(seconds), .unit = "s", .expected = "a time like '10 s'"),
     KN_OPTION("lcm-url", TEXT, AT(lcm_url)),
     KN_OPTION("mesh-url", TEXT, AT(mesh_url)),
     KN_OPTION("quiet", FLAG, AT(quiet)),
@@ -232,8 +241,7 @@ static const kn_option rows[] = {
 // Parse the command line. Return KN_OPTIONS_READ, or an exit code: 0 after --help, KN_EXIT_USAGE after a mistake.
 static int parse(hand_options *o, int argc, char **argv)
 {
-    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help,
-                                          .unknown = "unknown option; knead hand --help lists them"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     // Set the defaults. Fields that stay 0 get their value from the scene or from the driver.
     *o = (hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);

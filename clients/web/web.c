@@ -23,22 +23,24 @@
 static const char help[] =
     "usage: knead web [OPTION]...\n"
     "       knead web [--port N] --bind COMMAND...\n\n"
-    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and run\n"
-    "until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and only with\n"
-    "the token in the address. --address opens the page to a network, encrypted; the browser then warns of an unknown\n"
-    "certificate, whose fingerprint is printed with the address.\n\n"
+    "Serve a page that shows the object of a running kneadd and presses it with the pointer. Print its address, and\n"
+    "run until SIGINT or SIGTERM. Only this machine can open the page (from another one: ssh -L N:127.0.0.1:N), and\n"
+    "only with the token in the address. --address opens the page to a network, encrypted; the browser then warns of\n"
+    "an unknown certificate, whose fingerprint is printed with the address.\n\n"
     "  --probe NAME       tool that the pointer moves (default: the scene's first round probe; if none, its first)\n"
     "  --address HOST     IPv4 address of this machine to serve the page at (default: 127.0.0.1)\n"
     "  --port N           port of the page, 0 to 65535; 0 chooses a free one (default: 0)\n"
     "  --control PATH     control socket of kneadd (its --control), needed for the operator's buttons, and for\n"
     "                     recordings of a kneaded object (default: none)\n"
     "  --scenes DIR       folder whose *.yaml can be loaded from the page (default: the scenes of Knead)\n"
-    "  --lcm-url URL      bus of poses, forces and scene (default: $LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
+    "  --lcm-url URL      bus of poses and forces (default: LCM_DEFAULT_URL, else " KN_FORCE_URL ")\n"
     "  --mesh-url URL     bus of meshes (default: " KN_MESH_URL ")\n"
     "  --bind COMMAND...  open the page's socket as descriptor 3 and run COMMAND instead of serving the page; COMMAND\n"
-    "                     starts knead web --listen-fd 3, e.g. in a network namespace that outside browsers cannot\n"
-    "                     reach\n"
+    "                     starts knead web --listen-fd 3, e.g. in a network namespace that browsers cannot reach\n"
     "  --listen-fd N      serve the page on descriptor N, a listening socket that --bind has opened\n\n"
+    "Examples:\n"
+    "    knead web --control control\n"
+    "    knead web --port 8080 --probe finger\n\n"
     "Exit codes: 0 ok, 2 bad input, 3 no bus or no socket.\n";
 // clang-format on
 
@@ -384,13 +386,7 @@ static int parse(kn_web *w, int argc, char **argv)
         KN_OPTION("listen-fd", SPECIAL, AT(listen_fd), .take = take_socket),
         KN_OPTION("scenes", SPECIAL, AT(scenes), .take = take_directory),
     };
-    static const kn_option_table table = {KN_OPTION_ROWS(rows),
-                                          .help = help,
-                                          .short_help = true,
-                                          .help_last = true,
-                                          .options_first = true,
-                                          .always_named = true,
-                                          .unknown = "expected an option of knead web --help"};
+    static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help, .options_first = true};
     const int code = kn_options_read(&table, w, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (w->bind && optind == argc) return fail(KN_EXIT_USAGE, "--bind: expected a command");

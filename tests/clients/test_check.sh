@@ -12,7 +12,7 @@ dough=$KN_SOURCE/core/scenes/dough-diagonals.yaml
 reports "^quality *fast: .*; in force" "$dough" --quality fast
 refuses 2 "knead check: --set =3: expected key=value, e.g. material.k1='300 gf/cm^3'" "$dough" --set =3
 refuses 2 "knead check: '': expected the name of a scene file" ''
-refuses 2 "knead check: unrecognized option '--wood'" "$dough" --wood
+refuses 2 "knead check: --wood: unknown option; --help lists them" "$dough" --wood
 refuses 2 "knead check: expected one scene file; see --help"
 
 reports "^solver *rk4 f64, dt 2e-08 s, mass scale 1; stable up to" "$dough" --set solver.kind=rk4 --set solver.dt='0.02 us'

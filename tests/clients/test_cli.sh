@@ -17,22 +17,23 @@ for command in "knead --help" "knead --version" "knead check --keys" "knead chec
     got=$?
     [ $got -eq 3 ] && [ "$(wc -l <err)" -eq 1 ] || fail "$command on a full disk: exit $got, $(cat err)"
 done
-knead >out 2>err && fail "knead without a subcommand: exit 0"
-[ -s err ] && [ ! -s out ] || fail "knead without a subcommand: help belongs on stderr"
+knead >out 2>err && fail "knead without a command: exit 0"
+[ -s err ] && [ ! -s out ] || fail "knead without a command: help belongs on stderr"
 
-begins 2 'knead: no subcommand `need`' knead need
-begins 2 'knead: no subcommand `need`' knead need --version
+begins 2 'knead: no command `need`' knead need
+begins 2 'knead: no command `need`' knead need --version
 begins 2 "knead probe: --depth 10: expected something like '10 mm'" knead probe --depth 10
 begins 2 "knead probe: --depth 5 s: expected something like '10 mm'" knead probe --depth '5 s'
 begins 2 "knead probe: --depth 0 mm: expected" knead probe --depth '0 mm'
 begins 2 "knead probe: --speed -1 cm/s: expected" knead probe --speed '-1 cm/s'
 begins 2 "knead probe: --hold 1e999 s: expected" knead probe --hold '1e999 s'
-begins 2 "knead probe: --drop-at 1.5: expected SECONDS:MILLISECONDS" knead probe --drop-at 1.5
+begins 2 "knead probe: --drop-at: expected two times" knead probe --drop-at 1.5
+begins 2 "knead probe: --drop-at 0.9:60: expected two times" knead probe --drop-at 0.9:60
 begins 2 "knead probe: --tries 4: expected 1 to 3" knead probe --tries 4
 begins 2 'knead probe: `press`: expected options only' knead probe press
 begins 2 'knead probe: --wood: unknown option' knead probe --wood
 begins 2 'knead probe: --hold: expected a value' knead probe --hold
-begins 2 'kneadd: paper: expected --backend cpu, fixed, uart:, pty:, pcie: or shm:' kneadd --backend paper
+begins 2 'kneadd: --backend paper: expected cpu, fixed, uart:, pty:, pcie: or shm:' kneadd --backend paper
 for command in kneadd 'knead '{probe,hand,view,web,touch,ctl,replay}; do
     for n in 10 15 30; do begins 3 "$command: Too many open files: " bash -c "ulimit -n $n; exec $command"; done
 done

@@ -19,6 +19,10 @@ is() { # is "EXPECTED" WORD...
 }
 is "replay" knead rep
 is "completion" knead comp
+is "help" knead hel
+is "replay" knead help rep
+is "creep" knead help identify cr
+is "batch" knead ba
 is "--help" knead --h
 is "--verify --version" knead replay --ver
 is "fixed" knead replay --solver fi

@@ -19,7 +19,7 @@ knead creep "$KN_SOURCE/core/scenes/dough-diagonals.yaml" --load 50gf --hold 60 
 knead creep '(s|d)-d' --param s1='470 gf/cm^3' --param d1='2500 gf s/cm^3' \
     --param d2='exp(8.16e4 gf s/cm^3, 0.0815 cm^2/gf, 9 gf/cm^2, 80 gf/cm^2)' | grep -v '^specimen' | cmp -s - named || fail "the expression creeps differently from the material name"
 knead creep dough --set material.k1='940 gf/cm^3' >out && [ "$(value 50 7)" = 0.0285 ] || fail "--set: a spring twice as stiff recovers $(value 50 7)"
-knead creep s --param s1='1 kPa' --load 0.05N --area constant >out && [ "$(value 5.099 6)" = 0.5000 ] || fail "a spring: $(cat out)"
+knead creep s --param s1='1 kPa' --load 0.05N --constant-area >out && [ "$(value 5.099 6)" = 0.5000 ] || fail "a spring: $(cat out)"
 
 # At small strain a lattice of the same material creeps alike.
 knead creep dough --lattice 2x2x2 --plate slide --load 2gf --hold 10 --rest 0 >out || fail "lattice: exit $?"
@@ -43,7 +43,7 @@ refuses 2 "knead creep: --param d1: d1 needs 0 <= p0 < p1, finite" creep d --par
 refuses 2 "knead creep: --param s1: s1 needs a finite modulus above 0" creep s --param s1='0 Pa'
 refuses 2 "knead creep: --param s1=1Pa: dough is not an expression, expected --set KEY=VALUE" creep dough --param s1=1Pa
 refuses 2 "knead creep: --set x=1: s is an expression, expected --param, or a scene" creep s --set x=1
-refuses 2 "knead creep: --load 50: expected weights above 0 like 50gf or 10gf,30gf,0.5N" creep dough --load 50
+refuses 2 "knead creep: --load 50: expected at most 16 weights above 0 like 50gf or 10gf,30gf,0.5N" creep dough --load 50
 refuses 2 "knead creep: --hold 0: expected a time like 60 or '1000 ms'" creep dough --hold 0
 refuses 2 "knead creep: --strain: unknown option; --help lists them" creep dough --strain 10%
 refuses 2 "knead creep: --lattice 3x3: expected cells along x, y, z like 4x4x4, at most 64 each" creep dough --lattice 3x3

@@ -31,5 +31,5 @@ refuses 2 "EXPR:1:3: unknown element 'x', expected s, d, a name like voigt, or (
 refuses 2 "EXPR:1:1: ends here, expected s, d, a name like voigt, or (" ''
 refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; see --help"
 refuses 2 "knead element: expected one expression like '(s|d)-d', or --catalogue; see --help" --catalogue s
-refuses 2 "knead element: unrecognized option '--wood'" --wood
+refuses 2 "knead element: --wood: unknown option; --help lists them" --wood
 exit $failed

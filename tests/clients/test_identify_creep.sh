@@ -91,7 +91,7 @@ knead identify creep unsaid.csv --no-models --report unsaid --out unsaid.yaml >u
     [ "$(wc -l <err)" = 1 ] && [ ! -e unsaid.yaml ] && grep -q '^note: no scene accepts this material' unsaid.txt && [ -s unsaid/index.html ] &&
     [ ! -e unsaid/material.yaml ] && ! grep -q 'What a lattice does' unsaid/index.html && ok "a material outside the range of a scene is not written, and its report says so" ||
     fail "a material outside the range of a scene is not refused: $(cat err)"
-refuses 2 "knead identify creep: --density '40 g/cm^3': expected a density like '1.2 g/cm^3', 1 to 30000 kg/m^3" identify creep 50gf.csv --density '40 g/cm^3'
+refuses 2 "knead identify creep: --density 40 g/cm^3: expected a density like '1.2 g/cm^3', 1 to 30000 kg/m^3" identify creep 50gf.csv --density '40 g/cm^3'
 
 mkdir late && cd late && curves 10gf,50gf,70gf 0.001
 awk -F, 'NR > 5 { $1 += 0.15 } { print }' OFS=, 70gf.csv >late70.csv
@@ -116,10 +116,10 @@ stiff
 [ $? = 1 ] && [ ! -e stiff.yaml ] && grep -q "^knead identify creep: --out stiff.yaml: not written, a lattice with diagonals leaves up to" err &&
     stiff --anyway && grep -q ": too much" stiff.yaml && knead check stiff.yaml >/dev/null &&
     ok "the scene of a lattice that does not follow is not written, or with --anyway says so in its label" || fail "stiff: $(cat err)"
-refuses 2 "knead identify creep: --serve 'd': expected a structure of the first paper: a, b or c" identify creep small.csv --serve d
+refuses 2 "knead identify creep: --serve d: expected a structure of the first paper: a, b or c" identify creep small.csv --serve d
 refuses 2 "knead identify creep: expected a file of readings, CSV; --help lists its columns" identify creep
-refuses 2 "knead identify creep: --load '0': expected a weight or force like 50gf or '0.5 N'" identify creep 50gf.csv --load 0
-refuses 2 "knead identify creep: --height '5 s': expected a length like '1 cm'" identify creep 50gf.csv --height '5 s'
+refuses 2 "knead identify creep: --load 0: expected a weight or force like 50gf or '0.5 N'" identify creep 50gf.csv --load 0
+refuses 2 "knead identify creep: --height 5 s: expected a length like '1 cm'" identify creep 50gf.csv --height '5 s'
 refuses 2 "knead identify creep: --bogus: unknown option; --help lists them" identify creep 50gf.csv --bogus
 refuses 2 "knead identify creep: 50gf.csv: exists and was not written by knead identify, expected another name" \
     identify creep 10gf.csv --out 50gf.csv

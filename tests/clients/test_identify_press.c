@@ -385,7 +385,7 @@ TEST("bad input is refused in one line that says what to do")
         {"slow.csv and slow.csv are one file", "slow.csv --held slow.csv --object block.yaml --tool ball"},
         {"bun.yaml: the object is a mesh, expected a block",
          "slow.csv --tool ball --object " KN_SOURCE_DIR "/core/scenes/bun.yaml"},
-        {"--compliance '3': expected a compliance like '0.01 mm/N'",
+        {"--compliance 3: expected a compliance like '0.01 mm/N'",
          "slow.csv --object block.yaml --tool ball --compliance 3"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         const int code = kn_call(identify, "knead identify", "press %s", bad[i][1]);

@@ -41,7 +41,7 @@ for large, small in within.items():
 PY
 }
 
-range="--freq 0.0005:5:31"
+range="--frequency 0.0005:5:31"
 swept 0.01 voigt --param s1='10 kPa' --param d1='20 kPa*s' $range && finds 's|d' k1=1e4 c1=2e4
 swept 0.01 maxwell --param s1='10 kPa' --param d1='50 kPa*s' $range && finds s-d k1=1e4 c2=5e4
 swept 0.01 '(s|d)-s' --param s1='10 kPa' --param d1='50 kPa*s' --param s2='20 kPa' $range && finds '(s|d)-s' s1=1e4 d1=5e4 s2=2e4
@@ -66,12 +66,12 @@ knead identify sweep sweep.csv --shear --out shear.yaml >out 2>err || fail "--sh
 awk '$1 == "k1:" { k = $2 } END { exit !(k > 3 * 46091 * 0.95 && k < 3 * 46091 * 1.05) }' shear.yaml && grep -q 'of shear, with E = 3 G' shear.yaml &&
     ok "--shear: the modulus in compression is three times the shear modulus" || fail "--shear"
 
-swept 0.01 burgers --param s1='2 MPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' --freq 0.0005:0.5:31
+swept 0.01 burgers --param s1='2 MPa' --param d1='1 MPa*s' --param s2='10 kPa' --param d2='50 kPa*s' --frequency 0.0005:0.5:31
 knead identify sweep sweep.csv --out nearest.yaml >out 2>err && grep -q 'a scene cannot have this element; the nearest' out && [ -s nearest.yaml ] &&
     ok "if a scene cannot have the best element, --out writes the nearest one and says so" || fail "nearest: $(cat err)"
 far='(s|d)-d, which a scene can load, does not describe these data: it is [0-9.]* % off on average, (s|d)-s-d [0-9.]* %'
 grep -q "^note: $far\$" out && grep -q "^# Beware: $far.\$" nearest.yaml && ok "the output and the material state the error of the nearest element" || fail "how far: $(cat out nearest.yaml)"
-knead sweep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s' --freq 0.0001:100 --csv swb.csv >out
+knead sweep burgers --param s1='50 kPa' --param d1='4 MPa*s' --param s2='46 kPa' --param d2='245 kPa*s' --frequency 0.0001:100 --csv swb.csv >out
 knead identify sweep swb.csv --out absurd.yaml >out 2>err
 [ $? = 1 ] && [ ! -s absurd.yaml ] && grep -q '^note: .*does not describe these data: it is 1[0-9][0-9] % off' out &&
     grep -q '^knead identify sweep: --out absurd.yaml: not written, .* is 1[0-9][0-9] % off on average: no element' err &&

@@ -22,16 +22,16 @@ surface=$KN_SOURCE/tests/clients/surfaces/block.obj
 refuses 2 "knead mesh: expected one .obj, .stl or .msh file; see --help"
 refuses 2 "knead mesh: 'dough.yaml': expected a file that ends in .obj, .stl or .msh" dough.yaml
 refuses 2 "knead mesh: -o, --size and --tool make a mesh of a surface, expected a file that ends in .obj or .stl" "$meshes/block.msh" --size 5mm
-refuses 2 "knead mesh: expected --size LENGTH, e.g. --size 5mm" "$surface" -o x.msh
-refuses 2 "knead mesh: expected -o OUT.msh" "$surface" --size 5mm
-refuses 2 "knead mesh: expected -o OUT.msh" "$surface" --size 5mm -o x.stl
-refuses 2 "knead mesh: --size 5: expected a length from 1e-05 to 1 m, e.g. 5mm" "$surface" --size 5 -o x.msh
+refuses 2 "knead mesh: expected --size LENGTH, e.g. --size 5mm" "$surface" --out x.msh
+refuses 2 "knead mesh: expected --out OUT.msh" "$surface" --size 5mm
+refuses 2 "knead mesh: expected --out OUT.msh" "$surface" --size 5mm --out x.stl
+refuses 2 "knead mesh: --size 5: expected a length from 1e-05 to 1 m, e.g. 5mm" "$surface" --size 5 --out x.msh
 refuses 2 "knead mesh: --unit inch: expected m, cm, mm or um" "$surface" --unit inch
 refuses 2 "knead mesh: --tool mesher: expected gmsh or tetgen" "$surface" --tool mesher
 refuses 2 "knead mesh: --size: 0.1 mm would make about 9e+08 tetrahedra, expected at most 2097152" "$surface" \
-    --size 0.1mm -o x.msh
+    --size 0.1mm --out x.msh
 refuses 2 "missing.msh:1:1: No such file or directory, expected a file of at most 256 MiB" missing.msh
-knead mesh --help | grep -q "^usage: knead mesh IN.obj|IN.stl -o OUT.msh --size LENGTH" || fail "--help"
+knead mesh --help | grep -q "^usage: knead mesh IN.obj|IN.stl --out OUT.msh --size LENGTH" || fail "--help"
 
 # ---- surfaces that cannot be filled
 sed '$d' "$surface" >hole.obj
@@ -47,7 +47,7 @@ printf 'v 0 0 0\nf 1 1\n' >face.obj
 echo "one solid block" >prose.stl
 printf 'solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nendfacet\n' >corner.stl
 head -c 200 "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" >cut.stl
-refused() { refuses 2 "$1:$2" "$1" --size 1cm -o x.msh; }
+refused() { refuses 2 "$1:$2" "$1" --size 1cm --out x.msh; }
 refused hole.obj "11:1: the surface has holes: 4 edges belong to one triangle only, the first to triangle 2; expected a closed surface"
 refused three.obj "15:1: triangles 6, 9 and 13 share one edge, expected two at every edge"
 refused turned.obj "16:1: triangles 5 and 12 face opposite ways, expected all to face outwards"
@@ -67,7 +67,7 @@ refused cut.stl "1:1: byte 80: 12 triangles are declared, expected 684 bytes for
 # ---- without the programs
 for tool in gmsh tetgen; do
     PATH=$(dirname "$(command -v knead)") refuses 3 "knead mesh: $surface: $tool is not installed: apt-get install $tool" \
-        "$surface" --size 1cm -o x.msh --tool $tool
+        "$surface" --size 1cm --out x.msh --tool $tool
 done
 [ $failed = 0 ] || exit 1
 for tool in gmsh tetgen; do
@@ -79,7 +79,7 @@ export TMPDIR=$PWD/tmp
 mkdir "$TMPDIR"
 for tool in gmsh tetgen; do
     for file in block.obj block.stl block-binary.stl; do
-        knead mesh "$KN_SOURCE/tests/clients/surfaces/$file" -o block.msh --size 1cm --tool $tool >out 2>err ||
+        knead mesh "$KN_SOURCE/tests/clients/surfaces/$file" --out block.msh --size 1cm --tool $tool >out 2>err ||
             fail "$tool, $file: $(cat err)"
         grep -q "^surface .*12 triangles, closed, 75 cm^3 inside" out || fail "$tool, $file: $(cat out)"
         grep -q "^size *50 x 50 x 30 mm, volume 75 cm^3" out || fail "$tool, $file: $(cat out)"
@@ -87,10 +87,10 @@ for tool in gmsh tetgen; do
         knead mesh block.msh | cmp -s - <(grep -v ^surface out) || fail "$tool: the mesh is reported differently when it is read back"
     done
     cp block.msh first.msh
-    knead mesh "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" -o block.msh --size 1cm --tool $tool >/dev/null
+    knead mesh "$KN_SOURCE/tests/clients/surfaces/block-binary.stl" --out block.msh --size 1cm --tool $tool >/dev/null
     cmp -s first.msh block.msh || fail "$tool makes a different mesh in the second run"
 done
-knead mesh "$surface" -o metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "--unit cm does not scale the surface"
+knead mesh "$surface" --out metre.msh --size 20cm --unit cm | grep -q "^size *500 x 500 x 300 mm" || fail "--unit cm does not scale the surface"
 
 # Text in letters of any size, what a program appends, and corners that rounding has set apart.
 sed 's/[A-Za-z]*/\U&/g' "$KN_SOURCE/tests/clients/surfaces/block.stl" >upper.stl
@@ -100,10 +100,10 @@ awk '/vertex/ { $2 += 1e-4 * (NR % 3 - 1) } 1' "$KN_SOURCE/tests/clients/surface
 (printf '\357\273\277' && sed 's/^\(f.*\) \([0-9]*\)$/\1 \\\n \2/' "$surface") >bom.obj # a byte order mark, lines that go on
 sed 's/^solid.*/solid facet vertex one/; s/^endsolid.*/endsolid vertex one/' "$KN_SOURCE/tests/clients/surfaces/block.stl" >named.stl
 for file in bom.obj named.stl; do
-    knead mesh $file -o block.msh --size 1cm >out 2>err && grep -q "^surface .*12 triangles, closed, 75 cm^3 inside" out || fail "$file: $(cat out err)"
+    knead mesh $file --out block.msh --size 1cm >out 2>err && grep -q "^surface .*12 triangles, closed, 75 cm^3 inside" out || fail "$file: $(cat out err)"
 done
 for file in upper mixed tail apart; do
-    knead mesh $file.stl -o odd.msh --size 1cm >out 2>err && grep -q "12 triangles, closed, 75 cm^3 inside" out || fail "$file: $(cat out err)"
+    knead mesh $file.stl --out odd.msh --size 1cm >out 2>err && grep -q "12 triangles, closed, 75 cm^3 inside" out || fail "$file: $(cat out err)"
 done
 grep -q "corners up to 0.0002 mm apart were welded" out || fail "welding is not told: $(cat out)"
 
@@ -111,29 +111,29 @@ grep -q "corners up to 0.0002 mm apart were welded" out || fail "welding is not 
 awk 'BEGIN { n = 48; for (i = 0; i < n; i++) for (z = 0; z < 2; z++) printf "v %.6f %.6f %d\n", 10 * cos(6.2831853 * i / n), 10 * sin(6.2831853 * i / n), 10 * z
     printf "f"; for (i = n - 1; i >= 0; i--) printf " %d", 2 * i + 1; printf "\nf"; for (i = 0; i < n; i++) printf " %d", 2 * i + 2; print ""
     for (i = 0; i < n; i++) { j = (i + 1) % n; print "f", 2 * i + 1, 2 * j + 1, 2 * j + 2, 2 * i + 2 } }' >pin.obj
-knead mesh pin.obj -o pin.msh --size 9mm >out 2>err && grep -q "instead of 9 mm, because larger ones change the volume by more than 5 %" out || fail "pin: $(cat out err)"
+knead mesh pin.obj --out pin.msh --size 9mm >out 2>err && grep -q "instead of 9 mm, because larger ones change the volume by more than 5 %" out || fail "pin: $(cat out err)"
 awk '/volume/ { v = $(NF - 1) } END { exit !(v > 2.97 && v < 3.28) }' out || fail "the volume of the pin: $(cat out)"
-knead mesh pin.obj -o pin.msh --size 10cm >out 2>err && grep -q "instead of 100 mm\|tetgen has filled it" out err || fail "a size above the object: $(cat out err)"
+knead mesh pin.obj --out pin.msh --size 10cm >out 2>err && grep -q "instead of 100 mm\|tetgen has filled it" out err || fail "a size above the object: $(cat out err)"
 
 # A terminal shows that a program is at work; a log does so every ten seconds.
-script -qec "knead mesh $surface -o watched.msh --size 1cm" watched </dev/null >/dev/null
+script -qec "knead mesh $surface --out watched.msh --size 1cm" watched </dev/null >/dev/null
 grep -q "gmsh at work: 0 s" watched || fail "no progress is shown on a terminal while gmsh is at work"
-knead mesh "$surface" -o watched.msh --size 1cm 2>err >/dev/null
+knead mesh "$surface" --out watched.msh --size 1cm 2>err >/dev/null
 [ ! -s err ] || fail "$(cat err)"
 
 # A corner pushed through the opposite side: the message is the program's own, in one line.
 sed 's/^v 50 50 30/v 25 24 -20/' "$surface" >cross.obj
 refuses 2 "knead mesh: cross.obj: tetgen cannot fill this surface: Facet #1 intersects facet #4 at triangles: (repair the surface there, split polygons into triangles, or try a smaller --size)" cross.obj \
-    --size 6mm -o x.msh --tool tetgen
-knead mesh cross.obj --size 6mm -o x.msh >out 2>err
+    --size 6mm --out x.msh --tool tetgen
+knead mesh cross.obj --size 6mm --out x.msh >out 2>err
 [ $? = 2 ] && [ "$(wc -l <err)" = 1 ] && grep -q "^knead mesh: cross.obj: gmsh cannot fill this surface: .*intersect" err ||
     fail "a self-intersecting surface is not refused in one line: $(cat err)"
 refuses 3 "knead mesh: /nowhere/x.msh: No such file or directory, expected a file that can be written" "$surface" \
-    --size 2cm -o /nowhere/x.msh
+    --size 2cm --out /nowhere/x.msh
 [ -e x.msh ] && fail "a self-intersecting surface left a mesh"
 
 # Stopped by a signal: neither files nor the program are left.
-knead mesh "$surface" --size 1mm -o stopped.msh >out 2>err &
+knead mesh "$surface" --size 1mm --out stopped.msh >out 2>err &
 child=$!
 for _ in $(seq 200); do
     log=$(echo "$TMPDIR"/*/log)

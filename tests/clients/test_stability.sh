@@ -5,7 +5,7 @@
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 
-knead stability --quick --family bar --csv bar.csv --plot bar.png >two || fail "bar: exit $?"
+knead stability --quick --family bar --csv bar.csv --png bar.png >two || fail "bar: exit $?"
 knead stability --quick --family bar --jobs 1 >one || fail "bar by one process: exit $?"
 cmp one two || fail "the number of processes changes the text"
 grep -q 'the default solver is right, or refuses with a reason, in 80 of 80 cells' one || fail "bar: $(tail -n 1 one)"
@@ -34,11 +34,11 @@ fi
 
 knead stability --help | grep -q -- '--family NAME' || fail "--help"
 refuses 2 "knead stability: --family x: expected one of k1, c1, c2, mass, pairs, limits, bar, aspect, sliver, squash, gas, jump, mixed, size" stability --family x
-refuses 2 "knead stability: --jobs 0: expected a number of processes, 1 to 256" stability --jobs 0
+refuses 2 "knead stability: --jobs -1: expected a whole number, 0: one per processor" stability --jobs -1
 refuses 2 "knead stability: --slow: unknown option; --help lists them" stability --slow
 refuses 2 "knead stability: --csv: expected a value" stability --csv
 refuses 2 "knead stability: dough: expected options only; --help lists them" stability dough
 mkdir folder
 refuses 3 "knead stability: folder: Is a directory, expected a file that can be written" stability --csv folder
-refuses 3 "knead stability: folder: Is a directory, expected a file that can be written" stability --plot folder
+refuses 3 "knead stability: folder: Is a directory, expected a file that can be written" stability --png folder
 exit $failed

@@ -113,8 +113,8 @@ TEST("kept runs are not repeated, and a kept folder of another scene or log is r
 TEST("an unreachable budget gives exit code 1, and a budget that every point meets selects the most accurate")
 {
     record(0.003);
-    RUN(KN_EXIT_FAILED, "--budget-us 0.001: no usable point", SMALL "--iterations 8 --budget-us 0.001");
-    RUN(KN_EXIT_OK, "1e+06 us", SMALL "--iterations 1,12 --budget-us 1e6");
+    RUN(KN_EXIT_FAILED, "--budget 0.001 us: no usable point", SMALL "--iterations 8 --budget 1ns");
+    RUN(KN_EXIT_OK, "1e+06 us", SMALL "--iterations 1,12 --budget 1s");
     CHECK(!kn_said("iterations=1'"));
 }
 
@@ -153,7 +153,7 @@ TEST("an output that cannot be written is refused before any run, and existing f
     char text[100];
     record(0.003);
     REFUSES(KN_EXIT_DEVICE, "/nosuch/t.csv: No such file", SMALL "--csv /nosuch/t.csv");
-    REFUSES(KN_EXIT_DEVICE, "/nosuch/t.png: ", SMALL "--plot /nosuch/t.png");
+    REFUSES(KN_EXIT_DEVICE, "/nosuch/t.png: ", SMALL "--png /nosuch/t.png");
     RUN(KN_EXIT_USAGE, "tradeoff.lcmlog: is being read", SMALL "--csv tradeoff.lcmlog");
     kn_write("old.csv", "mine\n", 5);
     CHECK(truncate("tradeoff.lcmlog", 90001) == 0);
@@ -192,7 +192,7 @@ TEST("each bad option is refused")
                                          {"--spacing '7 mm'", "is 2.8571429 spacings"},
                                          {"--tolerance 1e-3,-1", "expected at most 32 numbers"},
                                          {"--jobs -1", "expected a whole number"},
-                                         {"--budget-us fast", "expected a number of microseconds"},
+                                         {"--budget fast", "expected a time like '300 us'"},
                                          {"--set solver.colour=red", "solver.colour"},
                                          {"--write", "--write: the points would be valid only with --set"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) RUN(KN_EXIT_USAGE, bad[i][1], SMALL "%s", bad[i][0]);

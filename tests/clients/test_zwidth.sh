@@ -6,7 +6,7 @@
 set -u
 source "$KN_SOURCE/tests/clients/refuses.sh"
 
-knead zwidth --quick --csv z.csv --plot z.png >one || fail "exit $?: $(tail -n 3 one)"
+knead zwidth --quick --csv z.csv --png z.png >one || fail "exit $?: $(tail -n 3 one)"
 knead zwidth --quick >two || fail "exit $?"
 cmp one two || fail "two runs give different text"
 [ "$(grep -c ' calm$' one)" = 5 ] || fail "$(cat one)"

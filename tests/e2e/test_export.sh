@@ -106,7 +106,7 @@ refused "one output in another" 2 'expected a separate path for each output, non
 refused "an empty path" 2 "^knead export: --vtk '': expected a value$" press.lcmlog --vtk ''
 refused "an empty path of a table" 2 "^knead export: --csv '': expected a value$" press.lcmlog --csv ''
 for text in ' 1' 0x2 1e inf nan +; do
-    refused "an invalid time" 2 '--at .*: expected seconds, or end' press.lcmlog --at "$text" --csv x
+    refused "an invalid time" 2 '--at .*: expected a time, or end' press.lcmlog --at "$text" --csv x
 done
 # A log of 200 s is refused as fast as it is read. Stepping to the last existing name would take a hundred times as
 # long.
@@ -125,7 +125,7 @@ refused "more moments than file names" 2 '--every 0.001: expected at most 100000
     long.lcmlog --vtk x --every 0.001
 check "a short part of a long log is exported" knead export long.lcmlog --ply part-ply --top '1 mm' --every 0.001 --from 0.001 --to 0.003
 check "the exported part has three surfaces" [ "$(ls part-ply | wc -l)" = 3 ]
-refused "an interval of 0 between moments" 2 '--every 0: expected seconds, 0.001 or more' press.lcmlog --vtk x --every 0
+refused "an interval of 0 between moments" 2 '--every 0: expected a time of 1 ms or more' press.lcmlog --vtk x --every 0
 refused "a moment after the end" 2 '--at 99: press.lcmlog ends at [0-9.]+ s' press.lcmlog --vtk x --at 99
 refused "a part after the end" 2 '--from 99: press.lcmlog ends at [0-9.]+ s' press.lcmlog --vtk x --csv y --from 99
 refused "a part that ends before it begins" 2 '--to 1: expected no less than --from 2' press.lcmlog --vtk x --from 2 --to 1

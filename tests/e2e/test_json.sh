@@ -19,7 +19,7 @@ json "the JSON of creep has the numbers of its text" 'len(it["loads"]) == 2 and 
     knead creep dough --load 50gf,70gf
 json "the JSON of relax has a held and a final stress" 'it["runs"][0]["held_pa"] > it["runs"][0]["end_pa"] > 0 and it["runs"][0]["of"] == "element"' knead relax dough --strain 30% --ramp 10%/s
 json "the JSON of sweep has five frequencies" 'len(it["frequencies"]) == 5 and it["frequencies"][0]["storage_pa"] > 0 and it["frequencies"][0]["frequency_hz"] == 0.01' \
-    knead sweep dough --freq 0.01:1:5
+    knead sweep dough --frequency 0.01:1:5
 json "the JSON of tpa has the numbers of its text" '"%.4f" % it["runs"][0]["cohesiveness"] in text and it["runs"][0]["hardness_n"] > 1' knead tpa dough
 json "the JSON of zwidth has the device and five couplings" 'it["default_calm"] and it["device"] == "touch" and len(it["couplings"]) == 5 and it["hand"] == "none"' knead zwidth --quick
 json "the JSON of check has the scene's sizes and probes" 'it["nodes"] == 144 and it["edges"] == 1208 and [p["name"] for p in it["probes"]] == ["plate", "finger"] and it["dt_s"] == 0.001' \

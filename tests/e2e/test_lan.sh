@@ -25,7 +25,7 @@ poke() { there $ahead env "$@" knead probe --path poke --quiet; }
 refuses() { expect "$1" 2 kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" "${@:2}"; }
 refuses '--lan: expected --key FILE or --peer ADDRESS as well' --lan card
 refuses '--peer: expected --lan IFACE as well' --peer 10.9.0.2
-refuses '10.9.0: expected --peer with an IPv4 address' --lan card --peer 10.9.0
+refuses '--peer 10.9.0: expected an IPv4 address' --lan card --peer 10.9.0
 refuses 'cord: no such network interface' --lan cord --peer 10.9.0.2
 refuses 'expected ttl=1 or more' --lan card --peer 10.9.0.2 --lcm-url 'udpm://239.255.76.67:7667?ttl=0'
 refuses 'expected ttl=0' --lcm-url 'udpm://239.255.76.67:7667?ttl=1'

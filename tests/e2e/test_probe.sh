@@ -36,7 +36,7 @@ expect 'has no probe `spoon`; it has: plate finger' 2 knead probe --probe spoon
 expect 'expected at most 27.0 mm' 2 knead probe --depth '29 mm'
 expect 'is 3.14 m/s fast, expected at most 1.2 m/s, which is 382 Hz at this depth' 2 knead probe --path sine --frequency '1000 Hz'
 
-$ahead knead probe --path path.csv --drop-at 0.9:60 >drop.txt 2>drop.err
+$ahead knead probe --path path.csv --drop-at '0.9 s,60 ms' >drop.txt 2>drop.err
 cat drop.err
 check "60 ms without a pose latch a fault, and the hand says why" \
     grep -q 'path, 0\.9[0-9]* s, .*: kneadd latched a fault: pose silence; remedy: ' drop.err

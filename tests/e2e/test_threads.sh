@@ -49,7 +49,7 @@ start_kneadd dough-small.yaml --threads 2
 check "a small object has one thread" grep -q '^kneadd: one thread steps the object, not two: .*too small' kneadd.log
 stop_kneadd
 
-expect 'sometimes: expected --realtime auto, require or off' 2 kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime sometimes
+expect '--realtime sometimes: expected auto, require or off' 2 kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime sometimes
 if ! grep -q '; SCHED_FIFO' kneadd.log; then
     expect 'not real time: ' 3 kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --realtime require
 fi

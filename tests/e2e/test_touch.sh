@@ -4,7 +4,7 @@
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 
-expect 'knead touch: --seconds 0: expected 0.1 to 86400' 2 knead touch --seconds 0
+expect 'knead touch: --seconds 0: expected a time from 0.1 to 86400 s' 2 knead touch --seconds 0
 expect 'knead touch: --probe a.b: expected a tool' 2 knead touch --probe a.b
 expect 'knead touch: tcpq://127.0.0.1:7700: expected udpm' 2 \
     knead touch --lcm-url tcpq://127.0.0.1:7700

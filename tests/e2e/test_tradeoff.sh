@@ -11,7 +11,7 @@ points=(scene.yaml press.lcmlog --quick --solver blend,secant --iterations 2,4,8
 sweep() { knead tradeoff "${points[@]}" "$@"; }
 errors() { cut -d, -f1-11,14-28 "$1" | sort; } # all columns but the times and their consequences: the fronts, the order
 
-sweep --csv here.csv --plot here.png >here 2>here.err
+sweep --csv here.csv --png here.png >here 2>here.err
 check "a sweep ends with 0" [ $? = 0 ]
 check "a sweep without a terminal prints only its table" [ ! -s here.err ]
 [ ! -s here.err ] || cat here.err
@@ -37,7 +37,7 @@ check "a complete sweep plays no run again" [ -z "$(find kept -name '*.trace' -n
 mkdir failing
 printf '#!/bin/sh\ncat >/dev/null\necho "line 7: no such thing" >&2\nexit 1\n' >failing/gnuplot
 chmod +x failing/gnuplot
-PATH=$PWD/failing:$PATH sweep --resume kept --plot no.png >/dev/null 2>failed
+PATH=$PWD/failing:$PATH sweep --resume kept --png no.png >/dev/null 2>failed
 check "a picture that gnuplot cannot draw gives exit code 3" [ $? = 3 ]
 check "the error has gnuplot's message" grep -q 'no.png: gnuplot could not draw it: exit 1, said: line 7: no such thing$' failed
 

@@ -26,6 +26,7 @@ static const kn_option rows[] = {
     KN_OPTION("list", LIST, AT(list), .count = offsetof(options, listed), .most = 2, .expected = "2 texts"),
     KN_OPTION("style", CHOICE, AT(style), .unit = "lined|solid|wire"),
     KN_OPTION("speed", EITHER, AT(real), .unit = "max|real"),
+    KN_OPTION("old", RENAMED, .expected = "--text TEXT"),
     KN_OPTION("even", SPECIAL, AT(count), .take = take_even),
 };
 
@@ -36,8 +37,7 @@ static int read_line(options *o, char experiment, const char *line, char said[20
     char *argv[20] = {"program"};
     int argc = 1, kept = dup(STDERR_FILENO);
     FILE *file = tmpfile();
-    const kn_option_table table = {KN_OPTION_ROWS(rows), .help = "help\n", .unknown = "unknown option",
-                                   .experiment = experiment};
+    const kn_option_table table = {KN_OPTION_ROWS(rows), .help = "help\n", .experiment = experiment};
     *o = (options){0};
     snprintf(copy, sizeof copy, "%s", line);
     for (char *word = strtok(copy, " "); word; word = strtok(NULL, " ")) argv[argc++] = word;
@@ -72,15 +72,21 @@ TEST("a bad value is one line, and says what was expected; an option of another 
                                          {"--style x", "program: --style x: expected lined, solid or wire\n"},
                                          {"--even 3", "program: --even 3: expected an even number\n"},
                                          {"--text", "program: --text: expected a value\n"},
-                                         {"-xy", "program: -xy: unknown option\n"},
-                                         {"--wood=1", "program: --wood=1: unknown option\n"}};
+                                         {"-xy", "program: -xy: unknown option; --help lists them\n"},
+                                         {"--wood=1", "program: --wood=1: unknown option; --help lists them\n"},
+                                         {"--sytle x", "program: --sytle: unknown option; did you mean --style?\n"},
+                                         {"--t", "program: --t: could be any of --text, --times\n"},
+                                         {"--quick=1", "program: --quick=1: expected no value\n"},
+                                         {"--text=", "program: --text '': expected a value\n"},
+                                         {"--old 1", "program: --old is now --text TEXT\n"}};
     options o;
     char said[200];
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         CHECK(read_line(&o, 'a', bad[i][0], said) == 2);
         CHECK(!strcmp(said, bad[i][1]));
     }
-    CHECK(read_line(&o, 'c', "--number 2", said) == 2 && !strcmp(said, "program: --number: unknown option\n"));
+    CHECK(read_line(&o, 'c', "--number 2", said) == 2 &&
+          !strcmp(said, "program: --number: unknown option; --help lists them\n"));
     CHECK(read_line(&o, 'b', "--number 2", said) == KN_OPTIONS_READ);
 }
 

@@ -25,10 +25,10 @@ END
 [ "$KN_REALTIME" != off ] && chrt -f 90 true 2>/dev/null || { echo "skipped: no SCHED_FIFO here" && exit 77; }
 
 # A hand of 500 ppm passes two periods of a free grid in 4 s.
-measure() { knead latency "$small" --seconds 4 --drift 500 "$@" >said.txt 2>said.err; }
-measure --phase free --contract 0,0 --json free.json
+measure() { knead latency "$small" --seconds 4 --drift 500 "$@" 2>said.err; }
+measure --phase free --contract 0s,0s --json >free.json
 free_code=$?
-measure --phase lock --contract 1e9,1e9 --json lock.json --plot lock.png
+measure --phase lock --contract 1e9us,1e9us --json --png lock.png >lock.json
 lock_code=$?
 cat said.txt said.err
 check "a contract that no free clock keeps is missed" [ $free_code = 1 ]
@@ -44,7 +44,7 @@ check "the picture is a PNG" sh -c "head -c 4 lock.png | grep -q PNG"
 
 start_kneadd dough-small.yaml
 check "a kneadd that runs already is measured" \
-    knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json there.json
+    knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json >there.json
 check "its forces echo" [ "$(of pose_to_force count there.json)" = 1000 ]
 check "its stages are its own" [ "$(of wait count there.json)" = 0 ]
 stop_kneadd
