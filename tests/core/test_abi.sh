@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # What programs see of libknead stays as it is: core/libknead.abi lists all functions, tables, enums and struct layouts of
-# the public headers. A change that is wanted changes that list, and MINOR of the project's version (the soname) with it:
+# the public headers. A change that is wanted changes that list. If a line goes or changes, the number in the soname goes up
+# with it (core/CMakeLists.txt, clients/python/knead/_library.py):
 #
 #     python3 clients/python/declare.py abi . >core/libknead.abi
 set -u

@@ -4,7 +4,7 @@ import os
 
 from knead import _api
 
-_SONAME = '.so.' + '.'.join(_api.KN_VERSION.split('.')[:2])
+_SONAME = '.so.1'
 
 
 def _load(name):
