@@ -10,7 +10,7 @@
 
 #define KN_COMMANDS(X)                                                                                                 \
     X(batch, "play a list of knead commands, here, on hosts or by Slurm, and write one table of their results")        \
-    X(check, "describe a scene: size, cost, warnings; list the keys of a scene")                                       \
+    X(check, "describe a scene: size, cost, warnings; --keys lists every key")                                         \
     X(completion, "print the bash or zsh completion of knead, kneadd and knead-simdev")                                \
     X(creep, "virtual rheometer: load a specimen, then unload it; height, recovery, residual")                         \
     X(ctl, "control a running kneadd: status, reset, quality, snapshot, restore, undo, estop ...")                     \
@@ -38,5 +38,8 @@
 #define KN_COMMAND(name, summary) int kn_##name##_main(int argc, char **argv);
 KN_COMMANDS(KN_COMMAND)
 #undef KN_COMMAND
+
+// Run the subcommand argv[1] of the program argv[0] (knead/main.c). Return an exit code.
+int kn_command_run(int argc, char **argv);
 
 #endif

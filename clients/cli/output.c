@@ -94,9 +94,7 @@ static bool fail(const char *path, const char *why, char *error, size_t size)
     return false;
 }
 
-// Return 1 if nothing exists at `path`, or if it is an empty folder. Return 0 if it is a folder with files, and -1 if
-// it is not a folder.
-static int empty(const char *path)
+int kn_output_empty(const char *path)
 {
     struct stat there;
     if (lstat(path, &there) != 0) return 1;
@@ -111,10 +109,11 @@ static int empty(const char *path)
 bool kn_output_folder_open(kn_output_folder *b, const char *path, bool *taken, char *error, size_t size)
 {
     *b = (kn_output_folder){0};
-    *taken = empty(path) != 1;
+    *taken = kn_output_empty(path) != 1;
     if (*taken)
         return fail(path,
-                    empty(path) < 0 ? "is not a folder, expected a new folder" : "is not empty, expected a new folder",
+                    kn_output_empty(path) < 0 ? "is not a folder, expected a new folder"
+                                              : "is not empty, expected a new folder",
                     error, size);
     // Create the temporary folder in the parent folder of the final path, so that a rename can move it to the final
     // path.

@@ -23,6 +23,10 @@ FILE *kn_output_open(kn_beside *out, const char *subcommand, const char *path);
 // Close the file. Return 0, or print an error message and return an exit code.
 int kn_output_close(kn_beside *out, const char *subcommand);
 
+// Return 1 if nothing exists at `path`, or if it is an empty folder. Return 0 if it is a folder with files, and -1 if
+// it is not a folder.
+int kn_output_empty(const char *path);
+
 // A folder of files that appears only when it is complete. The folder is filled under a temporary name in the same
 // parent folder and then renamed to its final path.
 //

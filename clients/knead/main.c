@@ -44,7 +44,7 @@ static const command *find(const char *name)
     return NULL;
 }
 
-static int run(int argc, char **argv)
+int kn_command_run(int argc, char **argv)
 {
     char why[200], full[32]; // full: "knead NAME", the argv[0] with which messages begin
     const char *name = argc > 1 ? argv[1] : "", *second = argc > 2 ? argv[2] : NULL;
@@ -72,7 +72,7 @@ static int run(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    int code = run(argc, argv);
+    int code = kn_command_run(argc, argv);
     kn_result_close(code);
     // Check the result of fflush and the error flag of stdout, because fflush does not report an error of an earlier
     // write.

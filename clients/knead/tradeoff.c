@@ -392,14 +392,13 @@ static int run(sweep *s)
     if (code != KN_EXIT_OK) return code;
     s->crew.plan = &s->plan;
     s->crew.resume = s->opt.resume;
-    s->crew.jobs = s->opt.jobs;
-    s->crew.hosts = s->opt.hosts;
+    s->crew.jobs.engine = s->opt.engine;
     code = kn_sweep_runs_open(&s->crew);
     if (code == KN_EXIT_OK) print_begin(s);
     if (code == KN_EXIT_OK) code = kn_sweep_runs_play(&s->crew);
     if (code == KN_EXIT_OK) code = kn_sweep_runs_load(&s->crew, s->traces);
     if (code == KN_EXIT_OK) code = report(s);
-    kn_sweep_runs_close(&s->crew);
+    kn_jobs_close(&s->crew.jobs);
     return code;
 }
 
@@ -408,8 +407,11 @@ int kn_tradeoff_main(int argc, char **argv)
     sweep *s = calloc(1, sizeof *s);
     if (!s) return kn_complain("tradeoff", KN_EXIT_INTERNAL, "out of memory");
     int code = kn_tradeoff_options_parse(&s->opt, argc, argv);
-    // --job is set when GNU parallel runs this program for a single run.
-    if (code == KN_OPTIONS_READ) code = s->opt.job ? kn_sweep_job_play(s->opt.job) : run(s);
+    const kn_tradeoff_options *o = &s->opt;
+    const kn_replay_def job = {
+        .log_path = o->log, .scene_path = o->scene, .sets = o->sets, .set_count = o->set_count, .afresh = true};
+    // --job is set when an engine runs this program for a single run.
+    if (code == KN_OPTIONS_READ) code = o->job ? kn_sweep_job_play(o->job, &job) : run(s);
     for (int i = 0; i < s->plan.count; i++) kn_replay_trace_free(&s->traces[i]);
     kn_sweep_plan_close(&s->plan);
     free(s);

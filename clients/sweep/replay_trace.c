@@ -1,6 +1,7 @@
 #include "clients/sweep/replay_trace.h"
 #include "clients/cli/command.h"
 #include "clients/cli/yaml_patch.h"
+#include "clients/viewer/beside.h"
 #include "core/hash.h"
 #include "core/lattice/lattice.h"
 #include "proto/knead_event_t.h"
@@ -9,7 +10,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 // Magic number at the start of a trace file: "KBDtrace". It marks the version of the format that has tick times.
 #define MAGIC 0x656361727444424bu
@@ -168,21 +168,17 @@ static uint64_t hash_of(const kn_replay_trace *t)
 
 bool kn_replay_trace_save(const kn_replay_trace *t, const char *path, uint64_t program)
 {
-    char half[PATH_MAX];
+    char error[PATH_MAX];
+    kn_beside file;
     head h = {.magic = MAGIC, .program = program, .hash = hash_of(t), .trace = *t};
     h.trace.force_n = h.trace.shape_m = NULL;
     h.trace.us = NULL;
-    // The process id in the name prevents two processes from writing the same file.
-    int length = snprintf(half, sizeof half, "%s.%d", path, (int)getpid());
-    FILE *f = length < PATH_MAX ? fopen(half, "wb") : NULL;
-    if (!f) return false;
-    size_t ticks = (size_t)t->ticks, forces = ticks * (size_t)t->probes, nodes = (size_t)t->nodes;
-    bool ok = fwrite(&h, sizeof h, 1, f) == 1 && fwrite(t->force_n, sizeof *t->force_n, forces, f) == forces &&
-              fwrite(t->us, sizeof *t->us, ticks, f) == ticks &&
-              fwrite(t->shape_m, sizeof *t->shape_m, nodes, f) == nodes;
-    ok = fclose(f) == 0 && ok && rename(half, path) == 0;
-    if (!ok) unlink(half);
-    return ok;
+    if (!kn_beside_write(&file, path)) return false;
+    fwrite(&h, sizeof h, 1, file.file);
+    fwrite(t->force_n, sizeof *t->force_n, (size_t)(t->ticks * t->probes), file.file);
+    fwrite(t->us, sizeof *t->us, (size_t)t->ticks, file.file);
+    fwrite(t->shape_m, sizeof *t->shape_m, (size_t)t->nodes, file.file);
+    return kn_beside_keep(&file, error, sizeof error); // reports a failed write, too
 }
 
 // Check the sizes in the head of a trace file before memory is allocated.

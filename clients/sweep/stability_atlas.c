@@ -5,15 +5,12 @@
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
 #include "server/clock.h"
-#include <errno.h>
 #include <math.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 // Relative error of the time step above which a cell of a map counts as coarse.
@@ -32,85 +29,59 @@ static void place(const kn_stability_atlas *a, int cell, int *map, int *column, 
 
 // --- survey ---------------------------------------------------------------------------------------------------------
 
-typedef struct progress { // progress of the survey, in memory that all processes share
-    atomic_int next, done;
-    atomic_int at[KN_STABILITY_ATLAS_JOBS_MAX]; // index of the cell that each process is trying; -1: none
-} progress;
-
-// Take cells from the shared counter and run their trials, until no cell is left. Return 1 if memory runs out.
-static int work(const kn_stability_atlas *a, progress *p, int job)
+// Run the trial of a cell in a process of its own. Return the process id. If no process can be started, run the trial
+// here, which a death of the trial would not survive, and return 0.
+static pid_t start(const kn_stability_atlas *a, int cell)
 {
-    for (int cell; (cell = atomic_fetch_add(&p->next, 1)) < cells_of(a); atomic_fetch_add(&p->done, 1)) {
-        int map, column, row;
-        kn_stability_trial trial;
-        atomic_store(&p->at[job], cell);
-        place(a, cell, &map, &column, &row);
-        bool ok = kn_stability_map_trial(&a->map[map], column, row, &trial) &&
-                  kn_stability_trial_run(&trial, (1u << KN_WAYS) - 1, &a->cell[cell]);
-        kn_stability_trial_free(&trial);
-        if (!ok) return 1;
-        atomic_store(&p->at[job], -1);
-    }
+    int map, column, row;
+    kn_stability_trial trial;
+    pid_t child = fork();
+    if (child > 0) return child;
+    place(a, cell, &map, &column, &row);
+    bool ok = kn_stability_map_trial(&a->map[map], column, row, &trial) &&
+              kn_stability_trial_run(&trial, (1u << KN_WAYS) - 1, &a->cell[cell]);
+    kn_stability_trial_free(&trial);
+    if (child == 0) _exit(!ok);
     return 0;
 }
 
-// Fork a process that runs trials of cells. Return its process id, or -1.
-static pid_t start(const kn_stability_atlas *a, progress *p, int job)
-{
-    atomic_store(&p->at[job], -1);
-    pid_t child = fork();
-    if (child == 0) _exit(work(a, p, job));
-    return child;
-}
-
-// Mark a cell as DIED, because the process that was running its trial ended. `status` tells why the process ended.
-static void bury(const kn_stability_atlas *a, progress *p, int cell, int status)
+// Mark a cell as DIED, because the process of its trial ended. `status` tells why. The results of all solvers are
+// discarded, because they have not been compared with the reference yet.
+static void bury(const kn_stability_atlas *a, int cell, int status)
 {
     for (int w = 0; w < KN_WAYS; w++) {
         kn_score *s = &a->cell[cell].score[w];
-        // Discard the results of all solvers for this cell, because they have not been compared with the reference yet.
         s->verdict = KN_STABILITY_TRIAL_DIED;
-        if (WIFSIGNALED(status)) snprintf(s->reason, sizeof s->reason, "%s", strsignal(WTERMSIG(status)));
-        else snprintf(s->reason, sizeof s->reason, "out of memory");
+        snprintf(s->reason, sizeof s->reason, "%s",
+                 WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "out of memory");
     }
-    atomic_fetch_add(&p->done, 1);
 }
 
-// Watch the processes until the last one has ended. If a process dies, record the death in the cell whose trial it was
-// running, and start a new process for the remaining cells.
-static void wait_for(const kn_stability_atlas *a, progress *p, pid_t *child, int jobs)
+// Run the trials of all cells, `jobs` at the same time.
+static void try_all(const kn_stability_atlas *a, int jobs)
 {
-    int status;
+    pid_t child[KN_STABILITY_ATLAS_JOBS_MAX] = {0};
+    int cell[KN_STABILITY_ATLAS_JOBS_MAX], next = 0, done = 0, status;
     kn_progress bar = kn_progress_open("stability", cells_of(a));
-    for (int running = jobs; running > 0;) {
-        // Poll if a progress bar on the terminal must be redrawn. Otherwise block until a process ends.
-        pid_t ended = waitpid(-1, &status, bar.terminal ? WNOHANG : 0);
-        if (ended == 0) {
-            kn_progress_step(&bar, atomic_load(&p->done));
-            nanosleep(&(struct timespec){.tv_nsec = 100000000}, NULL);
-        }
-        if (ended < 0 && errno != EINTR) break;
-        for (int j = 0; j < jobs && ended > 0; j++) {
-            if (child[j] != ended) continue;
-            // The cell is -1 if the process ended because no cells are left. In that case no new process is needed.
-            int cell = atomic_load(&p->at[j]);
-            if (cell >= 0) bury(a, p, cell, status), child[j] = start(a, p, j);
-            if (cell < 0 || child[j] < 0) running--;
-        }
-    }
-    kn_progress_close(&bar);
-}
-
-// Run the trials of all cells in the given number of processes.
-static int share_out(const kn_stability_atlas *a, progress *p, int jobs)
-{
-    pid_t child[KN_STABILITY_ATLAS_JOBS_MAX];
-    int started = 0;
     // Empty the buffer of stdout before forking. Otherwise each child process would print the buffer again.
     fflush(stdout);
-    while (started < jobs && (child[started] = start(a, p, started)) > 0) started++;
-    wait_for(a, p, child, started);
-    return work(a, p, 0); // if no process could be started, run the trials of the remaining cells here
+    while (done < cells_of(a)) {
+        for (int j = 0; j < jobs && next < cells_of(a); j++) {
+            if (child[j] > 0) continue;
+            cell[j] = next++;
+            child[j] = start(a, cell[j]);
+            done += child[j] == 0;
+        }
+        pid_t ended = waitpid(-1, &status, 0);
+        for (int j = 0; j < jobs && ended > 0; j++) {
+            if (child[j] != ended) continue;
+            if (status != 0) bury(a, cell[j], status);
+            child[j] = 0;
+            done++;
+        }
+        kn_progress_step(&bar, done);
+    }
+    kn_progress_close(&bar);
 }
 
 int kn_stability_atlas_survey(kn_stability_atlas *a, bool quick, const char *family, int jobs)
@@ -124,22 +95,13 @@ int kn_stability_atlas_survey(kn_stability_atlas *a, bool quick, const char *fam
         a->first[a->maps + 1] = a->first[a->maps] + a->map[m].columns * a->map[m].rows;
         a->maps++;
     }
-    // Allocate results and progress in memory that the child processes share.
+    // The processes of the trials write their results into memory that they share with this process.
     size_t bytes = (size_t)cells_of(a) * sizeof *a->cell;
     a->cell = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    progress *p = mmap(NULL, sizeof *p, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    if (a->cell == MAP_FAILED || p == MAP_FAILED) return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
-    // Mark every cell as DIED before the trials. A trial that completes overwrites this verdict.
-    for (int c = 0; c < cells_of(a); c++)
-        for (int w = 0; w < KN_WAYS; w++) a->cell[c].score[w].verdict = KN_STABILITY_TRIAL_DIED;
+    if (a->cell == MAP_FAILED) return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
     const int64_t begin_ns = kn_now_ns();
-    int failed = share_out(a, p, jobs);
+    try_all(a, jobs);
     a->seconds = 1e-9 * (double)(kn_now_ns() - begin_ns);
-    munmap(p, sizeof *p);
-    if (failed) {
-        kn_stability_atlas_free(a);
-        return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
-    }
     return KN_EXIT_OK;
 }
 

@@ -128,8 +128,8 @@ int kn_stability_maps(kn_stability_map maps[KN_STABILITY_MAPS_MAX], bool quick);
 // memory.
 bool kn_stability_map_trial(const kn_stability_map *map, int column, int row, kn_stability_trial *trial);
 
-// Atlas: all maps with the outcome of every cell. Several processes run the trials of the cells in parallel. Afterwards
-// the maps are printed, written to a file and drawn. Text and files do not depend on the number of processes.
+// Atlas: all maps with the outcome of every cell. The trial of each cell runs in a process of its own. Afterwards the
+// maps are printed, written to a file and drawn. Text and files do not depend on the number of processes.
 
 #define KN_STABILITY_ATLAS_JOBS_MAX 256
 

@@ -1,7 +1,9 @@
 #include "clients/sweep/sweep_plan.h"
 #include "clients/cli/yaml_patch.h"
+#include "clients/sweep/replay_trace.h"
 #include "core/hash.h"
 #include "core/lattice/lattice.h"
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -89,7 +91,7 @@ static bool resolve(const kn_sweep_plan *plan, kn_sweep_run *run, char *error, s
         run->nodes = scene->mesh ? scene->mesh->node_count : n[0] * n[1] * n[2];
         if (composite) run->nodes = model->node_count - kn_composite_tied(model);
         // Two runs with the same canonical text are the same computation.
-        uint64_t id = kn_hash_bytes(KN_HASH_SEED, scene->text, strlen(scene->text));
+        uint64_t id = kn_hash_bytes(plan->origin, scene->text, strlen(scene->text));
         snprintf(run->id, sizeof run->id, "%016llx", (unsigned long long)id);
     }
     kn_model_destroy(model);
@@ -129,7 +131,14 @@ static int take(kn_sweep_plan *plan, kn_sweep_run run, char *error, size_t error
 bool kn_sweep_plan_open(kn_sweep_plan *plan, char *error, size_t error_size)
 {
     plan->scene = kn_scene_load(plan->scene_path, plan->sets, plan->set_count, error, error_size);
-    plan->text = plan->scene ? kn_yaml_patch(plan->scene->text, "quality", "", error, error_size) : NULL;
+    uint64_t hash[2];
+    if (!plan->scene) return false;
+    if (!kn_replay_trace_hash("/proc/self/exe", &hash[0]) || !kn_replay_trace_hash(plan->log_path, &hash[1])) {
+        snprintf(error, error_size, "%s: %s, expected a log", plan->log_path, strerror(errno));
+        return false;
+    }
+    plan->origin = kn_hash_bytes(KN_HASH_SEED, hash, sizeof hash);
+    plan->text = kn_yaml_patch(plan->scene->text, "quality", "", error, error_size);
     return plan->text;
 }
 

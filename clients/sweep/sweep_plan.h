@@ -13,7 +13,8 @@
 //
 // A run is the scene with a few keys set. The `quality` block of the scene is left out, because the scene reader would
 // check `quality` against these keys. The replay does not use `quality`. The id of a run is a hash of its canonical
-// text.
+// text, of the log and of this program, so a folder of traces may serve several sweeps.
+#include "clients/cli/jobs.h"
 #include "core/scene/scene.h"
 #include "server/log_replay.h"
 
@@ -38,7 +39,7 @@ typedef struct kn_sweep_run {
     double tolerance;
     int same, fine; // indices in plan->run of the references SAME and FINE of this point; -1: none
     int nodes;
-    char id[17]; // hash of the run's canonical scene text, 16 hex digits
+    char id[17]; // hash of the run's canonical scene text, the log and this program, 16 hex digits
 } kn_sweep_run;
 
 // Axes of a sweep. An axis is a list of values of one setting. An axis without values uses the scene's own value.
@@ -60,6 +61,7 @@ typedef struct kn_sweep_plan {
     int set_count;
     kn_scene *scene; // the scene at scene_path with the texts in `sets` applied
     char *text;      // canonical text of the scene without its block `quality`; all runs start from this text
+    uint64_t origin; // hash of this program and the log
     bool fine;       // true: the plan contains the references FINE, see the top of this file
     int count;
     kn_sweep_run run[KN_SWEEP_RUNS_MAX];
@@ -101,11 +103,12 @@ const char *kn_sweep_run_effort(const kn_sweep_run *run, char text[64]);
 #define KN_TRADEOFF_SETS 64
 
 typedef struct kn_tradeoff_options {
-    // Names of files and folders (scene, log, csv, png, resume), list of hosts, and job of a worker process; NULL: the
-    // option was not given.
-    const char *scene, *log, *csv, *png, *resume, *hosts, *job;
+    // Names of files and folders (scene, log, csv, png, resume), and trace of a worker process; NULL: the option was not
+    // given.
+    const char *scene, *log, *csv, *png, *resume, *job;
     const char *sets[KN_TRADEOFF_SETS];
-    int set_count, jobs;
+    int set_count;
+    kn_jobs_engine engine;
     bool quick, write;
     // Upper limit [us] of the chosen point's tick times (90th percentile); 0: --budget was not given.
     double budget_us;

@@ -31,19 +31,16 @@ static const char help[] =
     "  --spacing LIST     lattice spacings, e.g. '10 mm,5 mm'\n\n"
     "distribution of the runs:\n"
     "  --resume DIR       keep every finished run in DIR, so that the same command continues after an interruption.\n"
-    "                     A DIR with runs of another program, scene or log is refused\n"
-    "  --jobs N           N runs at a time by GNU parallel, 0: one per processor.\n"
-    "                     Times of parallel runs cannot be compared, so the points are then timed one by one\n"
-    "  --hosts LIST       distribute the runs to hosts; the syntax is that of parallel's --sshlogin:\n"
-    "                     user@host, 'ssh -p 2222 user@host', or : for this machine.\n"
-    "                     Each host needs rsync and the same build of knead in its PATH.\n"
-    "                     Times are measured on this machine\n\n"
+    "                     Runs of another program, scene or log are kept, too, but not used\n" KN_JOBS_HELP
+    "Meshes of the scene are sent to the hosts, too. Times of runs beside each other cannot be compared, so the "
+    "points\n"
+    "are then timed one by one, on this machine. --slurm needs --resume.\n\n"
     "Errors are relative L2 norms, of the contact force over the log and of the displacements at its end.\n"
     "clients/README.md explains the columns of the table and the conditions for the named points.\n\n"
     "Examples:\n"
     "    knead tradeoff dough-small press.lcmlog --quick --png tradeoff.png\n"
     "    knead tradeoff dough-small press.lcmlog --solver blend --iterations 4,8 --budget '100 ms'\n\n"
-    "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, parallel or a host failed.\n";
+    "Exit codes: 0 ok, 1 no point within the budget, 2 bad input, 3 a file, gnuplot, an engine or a host failed.\n";
 
 static const char *take_step(void *dt_s, const char *text)
 {
@@ -80,24 +77,24 @@ static const kn_option rows[] = {
     KN_OPTION("spacing", QUANTITY, AXIS(spacing_m, spacings, KN_AXIS_MAX), .unit = "m",
               .expected = "at most 32 lengths like '5 mm', separated by commas"),
     KN_OPTION("resume", TEXT, AT(resume)),
-    KN_OPTION("jobs", INTEGER, AT(jobs), KN_RANGE(0, 1000), .expected = "a whole number, 0: one per processor"),
-    KN_OPTION("hosts", TEXT, AT(hosts), .expected = "host,host"),
+    KN_JOBS_OPTIONS(kn_tradeoff_options),
     KN_OPTION("job", TEXT, AT(job)),
 };
 
 int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv)
 {
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
-    *opt = (kn_tradeoff_options){.jobs = 1};
+    *opt = (kn_tradeoff_options){0};
     const int code = kn_options_read(&table, opt, argc, argv);
     const kn_axes_def *a = &opt->axes;
     opt->listed = a->methods + a->precisions + a->counts + a->tolerances + a->passes + a->steps + a->spacings > 0;
-    // With --job the job contains all settings, so no other arguments are needed.
-    if (code != KN_OPTIONS_READ || opt->job) return code;
+    if (code != KN_OPTIONS_READ) return code;
     if (argc - optind != 2)
         return kn_complain("tradeoff", KN_EXIT_USAGE, "expected SCENE LOG; see knead tradeoff --help");
     if (kn_command_scene("tradeoff", &opt->scene, argv[optind]) != KN_EXIT_OK) return KN_EXIT_USAGE;
     opt->log = argv[optind + 1];
+    if (opt->engine.slurm && !opt->resume)
+        return kn_complain("tradeoff", KN_EXIT_USAGE, "--slurm: expected --resume DIR, a folder that all nodes share");
     if (opt->write && opt->set_count > 0)
         return kn_complain("tradeoff", KN_EXIT_USAGE,
                            "--write: the points would be valid only with --set %s, expected "

@@ -72,7 +72,7 @@ KNEAD_SCENES=mine knead check block >/dev/null || fail "KNEAD_SCENES is not read
 begins 2 'knead tradeoff: expected SCENE LOG' knead tradeoff
 begins 2 'nope.yaml:1:1: No such file or directory, expected a scene file' knead tradeoff nope.yaml nope.lcmlog
 begins 2 'knead tradeoff: nope.lcmlog: No such file or directory, expected a log' knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" nope.lcmlog
-begins 2 'knead tradeoff: nope.job: expected a job' knead tradeoff --job nope.job
+begins 2 'knead tradeoff: nope.lcmlog: ' knead tradeoff --job nope.trace "$small" nope.lcmlog
 
 # A malformed backend URI is bad input, found before a log or a scene is read. A missing device is a failure of the
 # machine.

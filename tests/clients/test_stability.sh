@@ -18,14 +18,15 @@ knead stability --quick --family mass >mass || fail "mass: exit $?"
 awk '$1 == "mass" && $2 == "default" && $4 + $5 == $3 { ok = 1 } END { exit !ok }' mass || fail "mass: $(sed -n 2p mass)"
 awk '$1 == "tangent" && $5 + $6 > 0 { ok = 1 } END { exit !ok }' mass || fail "the tangent does not chatter: $(grep tangent mass)"
 
-# A killed process leaves its cell unfinished, and the other processes go on.
+# A killed process leaves its cell unfinished, and the other cells are tried.
 children() { cat "/proc/$1/task/$1/children"; }
 if [ -e /proc/$$/task/$$/children ]; then # not every kernel has this file
     knead stability --quick --family mass --jobs 2 >killed 2>/dev/null &
     survey=$!
-    while [ -z "$(children $survey)" ]; do sleep 0.05; done
     sleep 0.2
-    kill -KILL "$(children $survey | cut -d ' ' -f 1)"
+    # a stopped process is one that had not ended yet
+    until child=$(children $survey | cut -d ' ' -f 1) && kill -STOP "$child" && grep -q '^State:.T' "/proc/$child/status"; do :; done 2>/dev/null
+    kill -KILL "$child"
     wait $survey
     [ $? = 1 ] || fail "killed: exit $?"
     grep -q ': died, Killed$' killed || fail "killed: $(tail -n 4 killed)"

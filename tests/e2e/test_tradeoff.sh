@@ -41,6 +41,34 @@ PATH=$PWD/failing:$PATH sweep --resume kept --png no.png >/dev/null 2>failed
 check "a picture that gnuplot cannot draw gives exit code 3" [ $? = 3 ]
 check "the error has gnuplot's message" grep -q 'no.png: gnuplot could not draw it: exit 1, said: line 7: no such thing$' failed
 
+# knead batch: one table of many commands, however it is played and however often it is killed.
+for i in $(seq 40); do echo "creep dough --load ${i}gf"; done >list
+printf '# the end\n\nreplay missing.lcmlog' >>list
+knead batch - --out table.csv <list >/dev/null 2>said
+check "a batch with a run that fails gives exit code 1" [ $? = 1 ]
+check "it names the line" grep -q '^1 of 41 runs failed; the first is standard input:43:1: exit 2 .*missing.lcmlog: No such file' said
+check "the table has a row per command, with its numbers" python3 -c 'import csv
+rows = list(csv.DictReader(open("table.csv")))
+assert len(rows) == 41 and rows[40]["exit"] == "2" and "missing.lcmlog" in rows[40]["message"], rows[40]
+strains = [float(row["loads.0.strain"]) for row in rows[:40]]
+assert rows[9]["line"] == "creep dough --load 10gf" and strains == sorted(strains) and strains[0] > 0, strains'
+knead batch list --out killed.csv >/dev/null 2>&1 &
+batch=$!
+await eval '[ "$(ls killed.csv.runs 2>/dev/null | wc -l)" -ge 10 ]'
+kill -KILL $batch
+wait $batch 2>/dev/null
+pause 0.5 # its run ends with it
+results=(killed.csv.runs/????????????????)
+printf x | dd of="${results[0]}" bs=1 seek=40 conv=notrunc status=none
+knead batch list --out killed.csv >resumed 2>&1
+check "a killed batch goes on, but not with a damaged result" grep -q "of which $((${#results[@]} - 1)) were kept" resumed
+check "its table is the same" cmp table.csv killed.csv
+printf 'check dough.yaml\n\nmesh dough.yaml\n' >bad
+expect '^bad:3:1: knead mesh: ' 2 knead batch bad --out bad.csv
+echo 'check dough.yaml | rm' >bad
+expect '^bad:1:1: expected words as in a shell' 2 knead batch bad --out bad.csv
+check "a batch leaves no folder" [ -z "$(ls -d ./*.runs 2>/dev/null)" ]
+
 if command -v parallel >/dev/null; then
     sweep --jobs 2 --csv jobs.csv >jobs.out
     check "two jobs at a time give the same errors" cmp -s <(errors here.csv) <(errors jobs.csv)
@@ -62,6 +90,8 @@ SSH
     sweep --hosts "$PWD/ssh there" --csv host.csv >host.out
     check "a sweep on another host gives the same errors" cmp -s <(errors here.csv) <(errors host.csv)
     check "the host keeps no file after the sweep" [ -z "$(find there -type f)" ]
+    knead batch list --out hosts.csv --hosts "$PWD/ssh there,:" >/dev/null 2>&1
+    check "a host and this machine together give the same table" cmp table.csv hosts.csv
     mkdir both
     TMPDIR=$PWD/both sweep --hosts "$PWD/ssh there,:" --jobs 1 --csv both.csv >both.out
     check "a host and this machine together give the same errors" cmp -s <(errors here.csv) <(errors both.csv)
@@ -70,11 +100,11 @@ SSH
     sed -i 's|exec bash|PATH=${0%/*}/broken:$PATH exec bash|' ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>failed
     check "a host whose jobs fail gives exit code 3" [ $? = 3 ]
-    check "the failing host keeps no file" [ -z "$(find there -name 'knead-sweep-*')" ]
+    check "the failing host keeps no file" [ -z "$(find there -name 'knead-jobs-*')" ]
     printf '#!/bin/sh\nexit 255\n' >ssh
     sweep --hosts "$PWD/ssh there" >/dev/null 2>dead
     check "an unreachable host gives exit code 3" [ $? = 3 ]
-    check "the error reports the missing runs" grep -q 'runs have no result; with --resume DIR the finished runs would be kept' dead
+    check "the error reports the missing runs" grep -q 'runs have no result (.*); with --resume DIR the finished runs would be kept' dead
 fi
 
 # --write replaces the block, and nothing else.
@@ -108,14 +138,4 @@ for point in fast balanced accurate; do
 done
 check "the scene without a point keeps its own lattice" eval 'knead check scene.yaml --quality own | grep -q "36 nodes"'
 
-# Killed without --resume: the next sweep removes the leftovers.
-mkdir tmp
-TMPDIR=$PWD/tmp knead tradeoff "${points[@]}" >/dev/null 2>&1 &
-sweeping=$!
-await eval 'ls tmp/knead-sweep-*/*.trace >/dev/null 2>&1'
-kill -KILL $sweeping
-wait $sweeping 2>/dev/null
-check "a killed sweep leaves its folder" [ "$(ls tmp | wc -l)" = 1 ]
-TMPDIR=$PWD/tmp knead tradeoff "${points[@]}" >/dev/null
-check "the next sweep removes the old folder and its own" [ "$(ls tmp | wc -l)" = 0 ]
 exit $failed
