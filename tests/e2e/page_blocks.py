@@ -1,4 +1,4 @@
-"""Run the ```sh blocks of a page in one shell, as its reader types them, and compare what they print with the page.
+"""Run the ```sh blocks of a tutorial, or of a section of a README, in one shell, as their reader types them, and compare what they print with the page.
 
 A ```text block holds lines of the output of the block before it, in order; other lines may stand between them. Words must be the
 same, numbers within TOLERANCE; ... stands for anything. A command that fails, or a promised line that does not come, is a failure.
@@ -44,11 +44,11 @@ def missing(promised, output):
     return next((' '.join(p) for p in promised if not any(agrees(p, line) for line in lines)), None)
 
 
-def run(page):
+def run(page, text):
     shell = subprocess.Popen(['bash'], stdin=subprocess.PIPE, stdout=open('output', 'a'), stderr=subprocess.STDOUT, text=True,
                              start_new_session=True)
     shell.stdin.write('set -E\ntrap \'echo "[failed: $BASH_COMMAND]"\' ERR\nsudo() { "$@"; }\npython3() { /usr/bin/python3 "$@"; }\n')  # Debian's
-    for number, (body, promised) in enumerate(blocks(open(page).read()), 1):
+    for number, (body, promised) in enumerate(blocks(text), 1):
         start, end = os.path.getsize('output'), time.monotonic() + PATIENCE_S
         with open('block', 'w') as file:
             file.write(body.replace('/usr/', os.environ['KNEAD_USR'] + '/'))
@@ -73,4 +73,7 @@ def run(page):
     return bool(wrong)
 
 
-sys.exit(run(sys.argv[1]))
+page = sys.argv[1]
+text = open(page).read()
+sessions = re.split('(?m)^(?=## )', text) if page.endswith('README.md') else [text]
+sys.exit(any(run(page, session) for session in sessions if blocks(session)))

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The tutorials and the README's ```sh blocks, run as they stand with what is installed, and their promised lines (page_blocks.py).
+# The ```sh blocks of all tutorials and READMEs, run as they stand with what is installed, and their promised lines (page_blocks.py).
 # A machine that stands still spoils a press, so each page has three attempts, every one in a new folder.
-# night: seven tutorials at their own pace
+# night: every page at its own pace
 set -u
 source "$KN_SOURCE/tests/e2e/kneadd.sh"
 cmake --install "$KN_BUILD" --prefix "$PWD/usr" >install.log || exit
@@ -13,11 +13,11 @@ unset KNEAD_SCENES
 page_runs() { # page_runs PAGE
     local try
     for try in 1 2 3; do
-        mkdir "$PWD/$(basename "$1" .md).$try" && (cd "$_" && python3 "$KN_SOURCE/tests/e2e/page_blocks.py" "$1") && return
+        mkdir "$PWD/$(tr / . <<<"${1#"$KN_SOURCE"/}").$try" && (cd "$_" && python3 "$KN_SOURCE/tests/e2e/page_blocks.py" "$1") && return
     done
     return 1
 }
-for page in "$KN_SOURCE"/README.md "$KN_SOURCE"/clients/tutorials/*.md; do
+for page in $(grep -rlx --include=*.md --exclude-dir=build '```sh' "$KN_SOURCE" | sort); do
     check "${page#"$KN_SOURCE"/} does what it says" page_runs "$page"
 done
 cmake --build "$KN_BUILD" --target doc >doc.log 2>&1 && built=yes
