@@ -241,7 +241,8 @@ static bool begin(kn_replay *r, const kn_replay_def *def, char *error, size_t er
         if (fits) snprintf(misfit, sizeof misfit, "of another run");
         // another lattice or material can begin only with an untouched object
         kn_saved head;
-        bool peeked = kn_saved_peek(r->scene->name, v->found.object, v->found.object_size, &head);
+        const char *name = v->found.scene_name ? v->found.scene_name : r->scene->name; // that of the object in the log
+        bool peeked = kn_saved_peek(name, v->found.object, v->found.object_size, &head);
         if (!r->same && !(peeked && head.state_hash == v->found.initial_hash))
             return kn_refuse(error, error_size,
                              "%s: the log begins on a kneaded object, which does not fit these settings (%s): expected "

@@ -36,7 +36,7 @@ static inline void kn_recorder_scene(kn_recorder *r)
 {
     static uint8_t bytes[1 << 16];
     knead_scene_t m;
-    kn_wire_scene(&m, r->on.scene, 0, r->utime);
+    kn_wire_scene(&m, r->on.scene, kn_state_hash(r->on.model, r->on.backend.state(r->on.backend.self)), r->utime);
     kn_recorder_put(r, "KNEAD_SCENE", bytes, knead_scene_t_encode(bytes, 0, sizeof bytes, &m));
 }
 

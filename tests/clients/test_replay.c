@@ -404,6 +404,19 @@ TEST("a log that holds its object replays by itself, and a damaged object or one
     }
 }
 
+TEST("a log that holds an untouched object replays with a copy of its scene and other settings")
+{
+    record("fresh.lcmlog", NULL, 8);
+    r.mute = true;
+    quiet(300);
+    r.mute = false;
+    record_object(0, 0);
+    story(0.01);
+    kn_recorder_close(&r);
+    CHECK(symlink(SMALL, "copy.yaml") == 0);
+    REPLAYS(KN_EXIT_OK, "replayed ", "copy.yaml fresh.lcmlog --set 'material.k1=300 gf/cm^3'");
+}
+
 TEST("a log that begins with missed cycles continues from the snapshot of the last tick before the gap")
 {
     for (int told = 0; told < 2; told++) { // missed cycles told by a checkpoint, by a force
