@@ -1,7 +1,7 @@
 # A list of jobs is a shell script: assignments by cli/jobs.c, this text, and a line `job RESULT WORD...` for each job.
 #
 #     sh jobs here|parallel|hosts|slurm     play all jobs by this engine, in the folder of the results
-#     sh jobs one RESULT                    play one job
+#     sh jobs one RESULT SUM                play one job; SUM: checksum of this program
 #     sh jobs task K                        play the jobs of task K of an array
 #
 # A job with a result is never played again.
@@ -21,7 +21,7 @@ watch() {
 }
 by_parallel() { watch parallel --plain --will-cite --halt now,fail=1 ${jobs:+--jobs=$jobs} -a results "$@"; }
 case $1 in
-one) only=$2 ;;
+one) only=$2 sum=$3 ;;
 task) task=$2 ;;
 parallel)
     by_parallel "exec sh jobs one {}"
@@ -34,7 +34,7 @@ hosts)
     IFS='
 '
     export PARALLEL_RSYNC_OPTS=-rLDzR
-    by_parallel --sshlogin "$hosts" --workdir $name $(sort -u sent | sed 's/^/--basefile=/') --return {} '[ -e jobs ] || cd ..; exec sh jobs one {}'
+    by_parallel --sshlogin "$hosts" --workdir $name $(sort -u sent | sed 's/^/--basefile=/') --return {} "[ -e jobs ] || cd ..; exec sh jobs one {} '$(cksum <"$knead")'"
     exec parallel --plain --will-cite --timeout 20 --nonall --sshlogin "$hosts" rm -rf $name 2>/dev/null
     ;;
 slurm)
@@ -46,4 +46,10 @@ slurm)
     exec scancel --quiet --name $name # the array outlives an sbatch that is ended
     ;;
 esac
-if [ -n "$hosts" ] && [ "$PARALLEL_SSHLOGIN" != : ]; then folder=. knead=knead; else cd "$home" || exit; fi
+if [ -z "$hosts" ] || [ "$PARALLEL_SSHLOGIN" = : ]; then
+    cd "$home" || exit
+else
+    folder=. knead=$(command -v knead)
+    [ "$(cksum <"${knead:-/dev/null}")" = "$sum" ] ||
+        { echo "knead $command: $PARALLEL_SSHLOGIN has no knead in its PATH, or another build" >&2 && exit 3; }
+fi

@@ -11,16 +11,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Magic number at the start of a trace file: "KBDtrace". It marks the version of the format that has tick times.
-#define MAGIC 0x656361727444424bu
+// Magic number at the start of a trace file: "KBEtrace". It marks the version of the format.
+#define MAGIC 0x656361727445424bu
 // Largest sizes that are accepted from a file: number of nodes of the largest lattice of core/scene, and number of
 // ticks in 4.6 hours.
 enum { NODES_MAX = 1 << 22, TICKS_MAX = 1 << 24 };
 
 // Beginning of a trace file.
 typedef struct head {
-    uint64_t magic, program, hash; // hash: hash of all bytes of the file after this head
-    kn_replay_trace trace;         // sizes and results of the trace; the pointers in `trace` are not valid in a file
+    uint64_t magic, hash;  // hash: hash of all bytes of the file after this head
+    kn_replay_trace trace; // sizes and results of the trace; the pointers in `trace` are not valid in a file
 } head;
 
 typedef struct record { // a trace that is being recorded during a replay
@@ -166,11 +166,11 @@ static uint64_t hash_of(const kn_replay_trace *t)
     return kn_hash_bytes(hash, t->shape_m, (size_t)t->nodes * sizeof *t->shape_m);
 }
 
-bool kn_replay_trace_save(const kn_replay_trace *t, const char *path, uint64_t program)
+bool kn_replay_trace_save(const kn_replay_trace *t, const char *path)
 {
     char error[PATH_MAX];
     kn_beside file;
-    head h = {.magic = MAGIC, .program = program, .hash = hash_of(t), .trace = *t};
+    head h = {.magic = MAGIC, .hash = hash_of(t), .trace = *t};
     h.trace.force_n = h.trace.shape_m = NULL;
     h.trace.us = NULL;
     if (!kn_beside_write(&file, path)) return false;
@@ -207,24 +207,20 @@ static bool read_body(kn_replay_trace *t, FILE *f, uint64_t hash)
            hash_of(t) == hash;
 }
 
-kn_replay_trace_found kn_replay_trace_load(kn_replay_trace *t, const char *path, uint64_t program)
+bool kn_replay_trace_load(kn_replay_trace *t, const char *path)
 {
     head h;
     memset(t, 0, sizeof *t);
     FILE *f = fopen(path, "rb");
-    if (!f) return KN_REPLAY_TRACE_MISSING;
-    kn_replay_trace_found found = KN_REPLAY_TRACE_DAMAGED;
-    if (fread(&h, sizeof h, 1, f) == 1 && h.magic == MAGIC) {
-        found = h.program == program ? KN_REPLAY_TRACE_FOUND : KN_REPLAY_TRACE_FOREIGN;
-        *t = h.trace;
-        t->force_n = t->shape_m = NULL;
-        t->us = NULL;
-        if (found == KN_REPLAY_TRACE_FOUND && !(sensible(t) && read_body(t, f, h.hash)))
-            found = KN_REPLAY_TRACE_DAMAGED;
-    }
+    if (!f) return false;
+    bool whole = fread(&h, sizeof h, 1, f) == 1 && h.magic == MAGIC;
+    if (whole) *t = h.trace;
+    t->force_n = t->shape_m = NULL;
+    t->us = NULL;
+    whole = whole && sensible(t) && read_body(t, f, h.hash);
     fclose(f);
-    if (found != KN_REPLAY_TRACE_FOUND) kn_replay_trace_free(t);
-    return found;
+    if (!whole) kn_replay_trace_free(t);
+    return whole;
 }
 
 bool kn_replay_trace_hash(const char *path, uint64_t *hash)

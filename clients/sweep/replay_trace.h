@@ -5,8 +5,7 @@
 // replays of one log have the same ticks.
 //
 // A trace file has the byte order and layout of this machine. The file is written under another name and renamed when
-// it is complete, so an interrupted program leaves no partial trace. kn_replay_trace_load distinguishes a missing file,
-// a damaged file and a file that another program made.
+// it is complete, so an interrupted program leaves no partial trace.
 #include "server/log_replay.h"
 
 typedef struct kn_replay_trace {
@@ -40,17 +39,9 @@ void kn_replay_trace_free(kn_replay_trace *t);
 // in both. On a busy machine the p90 of a single replay is a third too large. Return false when memory is short.
 bool kn_replay_trace_calm(kn_replay_trace *t, const kn_replay_trace *other);
 
-typedef enum kn_replay_trace_found {
-    KN_REPLAY_TRACE_FOUND,
-    KN_REPLAY_TRACE_MISSING,
-    KN_REPLAY_TRACE_DAMAGED,
-    KN_REPLAY_TRACE_FOREIGN
-} kn_replay_trace_found;
-
-// Save or load a trace file. program: hash of the program file that made the replay. If another program made the file,
-// kn_replay_trace_load returns FOREIGN.
-bool kn_replay_trace_save(const kn_replay_trace *t, const char *path, uint64_t program);
-kn_replay_trace_found kn_replay_trace_load(kn_replay_trace *t, const char *path, uint64_t program);
+// Save or load a trace file. Return false on failure; a file that is missing or damaged cannot be loaded.
+bool kn_replay_trace_save(const kn_replay_trace *t, const char *path);
+bool kn_replay_trace_load(kn_replay_trace *t, const char *path);
 
 // Write to `hash` a hash of the bytes of a file. Return false if the file cannot be read.
 bool kn_replay_trace_hash(const char *path, uint64_t *hash);

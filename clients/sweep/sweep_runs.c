@@ -9,9 +9,6 @@
 #include <time.h>
 #include <unistd.h>
 
-// Path of this program's executable file; every trace holds the hash of the executable.
-static const char program_file[] = "/proc/self/exe";
-
 // If two measurements of the computing time of one point differ by more than this factor, the machine was probably busy
 // with other work.
 #define UNSTEADY 1.15
@@ -24,10 +21,10 @@ static const char *trace_of(const kn_sweep_run *run, char name[32])
 }
 
 // Load the trace of a run from the folder.
-static kn_replay_trace_found load(const kn_sweep_runs *c, const kn_sweep_run *run, kn_replay_trace *t)
+static bool load(const kn_sweep_runs *c, const kn_sweep_run *run, kn_replay_trace *t)
 {
     char path[PATH_MAX], name[32];
-    return kn_replay_trace_load(t, kn_jobs_path(&c->jobs, trace_of(run, name), path), c->program);
+    return kn_replay_trace_load(t, kn_jobs_path(&c->jobs, trace_of(run, name), path));
 }
 
 // Return true if a run must still be replayed. This is the case if it has no trace, or if `times` is true and the trace
@@ -35,7 +32,7 @@ static kn_replay_trace_found load(const kn_sweep_runs *c, const kn_sweep_run *ru
 static bool is_missing(const kn_sweep_runs *c, const kn_sweep_run *run, bool times)
 {
     kn_replay_trace t;
-    bool missing = load(c, run, &t) != KN_REPLAY_TRACE_FOUND;
+    bool missing = !load(c, run, &t);
     // If a point was replayed in parallel with others, its times are not valid, and `sitting` in its trace is 0.
     missing |= times && run->role == KN_ROLE_POINT && t.sitting == 0;
     kn_replay_trace_free(&t);
@@ -88,8 +85,6 @@ int kn_sweep_runs_open(kn_sweep_runs *c)
     c->sitting = 1000000000 * (int64_t)now_s.tv_sec + now_s.tv_nsec;
     c->jobs.command = "tradeoff";
     c->jobs.hint = c->resume ? "repeat the command to play them" : "with --resume DIR the finished runs would be kept";
-    if (!kn_replay_trace_hash(program_file, &c->program))
-        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", program_file, strerror(errno));
     int code = kn_jobs_open(&c->jobs, c->resume, NULL);
     if (code == KN_EXIT_OK && !write_inputs(c))
         code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->jobs.folder, strerror(errno));
@@ -144,7 +139,7 @@ static int play_here(kn_sweep_runs *c, const kn_sweep_run *run, kn_replay_trace 
 static int keep_trace(const kn_sweep_runs *c, const kn_sweep_run *run, const kn_replay_trace *t)
 {
     char path[PATH_MAX], name[32];
-    if (kn_replay_trace_save(t, kn_jobs_path(&c->jobs, trace_of(run, name), path), c->program)) return KN_EXIT_OK;
+    if (kn_replay_trace_save(t, kn_jobs_path(&c->jobs, trace_of(run, name), path))) return KN_EXIT_OK;
     return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
 }
 
@@ -152,8 +147,7 @@ static int keep_trace(const kn_sweep_runs *c, const kn_sweep_run *run, const kn_
 static int play_again(kn_sweep_runs *c, const kn_sweep_run *run)
 {
     kn_replay_trace first, second = {0};
-    bool timed =
-        load(c, run, &first) == KN_REPLAY_TRACE_FOUND && first.sitting == c->sitting && run->role == KN_ROLE_POINT;
+    bool timed = load(c, run, &first) && first.sitting == c->sitting && run->role == KN_ROLE_POINT;
     int code = timed ? play_here(c, run, &second) : KN_EXIT_OK;
     if (timed && code == KN_EXIT_OK) {
         // Count the point as unsteady if its two measured times differ so much that the machine must have been busy
@@ -197,13 +191,10 @@ static int play_serially(kn_sweep_runs *c)
 int kn_sweep_job_play(const char *trace, const kn_replay_def *def)
 {
     char error[512];
-    uint64_t program;
     kn_replay_trace t;
     kn_jobs_begin();
-    if (!kn_replay_trace_hash(program_file, &program))
-        return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", program_file, strerror(errno));
     if (!kn_replay_trace_play(&t, def, error, sizeof error)) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
-    bool saved = kn_replay_trace_save(&t, trace, program);
+    bool saved = kn_replay_trace_save(&t, trace);
     kn_replay_trace_free(&t);
     return saved ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", trace, strerror(errno));
 }
@@ -246,15 +237,7 @@ static int play_by_engine(kn_sweep_runs *c)
             const kn_sweep_run *run = &c->plan->run[i];
             if ((int)run->role == role && is_missing(c, run, false)) add_job(c, run);
         }
-    int code = kn_jobs_play(&c->jobs), foreign = 0;
-    for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) {
-        kn_replay_trace t;
-        foreign += load(c, &c->plan->run[i], &t) == KN_REPLAY_TRACE_FOREIGN;
-        kn_replay_trace_free(&t);
-    }
-    if (foreign == 0) return code;
-    return kn_complain("tradeoff", KN_EXIT_DEVICE,
-                       "%d runs are of another build of knead, expected the same on every host", foreign);
+    return kn_jobs_play(&c->jobs);
 }
 
 // ---- all of it
@@ -271,7 +254,7 @@ int kn_sweep_runs_play(kn_sweep_runs *c)
 int kn_sweep_runs_load(const kn_sweep_runs *c, kn_replay_trace *traces)
 {
     for (int i = 0; i < c->plan->count; i++)
-        if (load(c, &c->plan->run[i], &traces[i]) != KN_REPLAY_TRACE_FOUND)
+        if (!load(c, &c->plan->run[i], &traces[i]))
             return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s/%s.trace: is damaged or missing", c->jobs.folder,
                                c->plan->run[i].id);
     return KN_EXIT_OK;

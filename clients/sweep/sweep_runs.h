@@ -25,9 +25,8 @@ typedef struct kn_sweep_runs {
     const kn_sweep_plan *plan;
     const char *resume; // folder of the traces, which is kept at the end; NULL: use a temporary folder
     kn_jobs jobs;       // folder, and the engine that the caller sets
-    uint64_t program;
-    int64_t sitting; // wall-clock time at the start of this serial pass, ns; identifies the pass
-    int kept;        // number of runs whose traces an earlier call has left in the folder
+    int64_t sitting;    // wall-clock time at the start of this serial pass, ns; identifies the pass
+    int kept;           // number of runs whose traces an earlier call has left in the folder
     // timed: number of points that were timed twice in this serial pass. unsteady: number of those points whose two
     // times differ by more than 15 %.
     int timed, unsteady;
