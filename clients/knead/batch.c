@@ -7,6 +7,7 @@
 #include "clients/sweep/replay_trace.h"
 #include "core/hash.h"
 #include "core/scene/mesh_file.h"
+#include <ctype.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <signal.h>
@@ -17,27 +18,25 @@
 #include <unistd.h>
 #include <wordexp.h>
 
-#define ITEMS_MAX 16 // a longer list of a JSON object, such as a curve, is left out of the table
+#define LINE_MAX_BYTES 100000 // Linux limits one word of a command to 131071 bytes
+#define ITEMS_MAX 16          // a longer list of a JSON object, such as a curve, is left out of the table
 
 static const char help[] =
     "usage: knead batch LIST --out TABLE.csv [OPTION]...\n\n"
-    "Plays a list of knead commands and writes one table of their results: one row per line, in the order of the "
-    "list.\n"
+    "Play a list of knead commands and write one table of their results: one row per line, in the order of the list.\n"
     "LIST is a file, or - for the standard input. A line has the words of one command without `knead`, quoted as in a\n"
     "shell. Empty lines and lines that begin with # are left out. Each command is run with --json, and all lines are\n"
-    "checked before the first one is run. Scenes x materials x paths are loops of the shell:\n\n"
-    "    for load in 20 50 100; do for scene in dough clay; do echo creep $scene --load ${load}gf; done; done |\n"
-    "        knead batch - --out creep.csv --jobs 0\n\n"
+    "checked before the first one is run. Scenes x materials x paths are loops of the shell.\n\n"
     "The columns are the line, its exit code, its message if it failed, and the numbers and words of its JSON object:\n"
     "the member `stress_pa` of the first object in the list `loads` is in the column `loads.0.stress_pa`. A list of\n"
     "more than 16 entries, such as a curve, is left out. A cell is empty where a line has no such member.\n"
     "Each finished run is kept in the folder TABLE.csv.runs until the table is written. So the same command continues\n"
-    "after an interruption. A line is played again if it, a file that it names or knead itself has changed since.\n\n"
+    "after an interruption. A line is played again if it, a file that it names or knead itself has changed "
+    "meanwhile.\n\n"
     "options:\n"
-    "  --out TABLE.csv    the table\n" KN_JOBS_HELP
-    "  --send FILE        with --hosts: also send this file, such as the mesh of a scene. The files that the lines\n"
-    "                     name are sent in any case. All of them have to be in this folder or below. Files that\n"
-    "                     a command writes stay on the host, and only its row returns\n\n"
+    "  --out TABLE.csv    the table\n" KN_JOBS_HELP "  --send FILE        with --hosts: also send this file, such as "
+    "the mesh of a scene. The files that the lines name\n"
+    "                     are sent in any case. All of them have to be in this folder or below\n\n"
     "Examples:\n"
     "    for m in dough clay; do for g in 20 50; do echo creep $m --load ${g}gf; done; done >list\n"
     "    knead batch list --out creep.csv --jobs 2\n"
@@ -48,9 +47,11 @@ static const char help[] =
 typedef struct batch {
     const char *out;
     kn_jobs_engine engine;
+    const char *sends[64]; // files of --send
+    int send_count;
     const char *list; // name of the list in messages
     json_t *rows;     // list of one object per line: `line`: its text, `number`, `result`: name of its result
-    uint64_t program; // hash of this program
+    uint64_t origin;  // hash of this program and the files of --send
     kn_jobs jobs;
 } batch;
 
@@ -107,6 +108,7 @@ static const char *message_of(const json_t *row) { return json_string_value(json
 // Play one line in the process of a job, and write its result.
 static int play(const char *path, int argc, char **argv)
 {
+    static const char *const json[] = {"--json"};
     kn_beside file;
     kn_jobs_begin();
     json_t *row = run(argc, argv, NULL);
@@ -116,14 +118,13 @@ static int play(const char *path, int argc, char **argv)
     if (code < 0 || (code > 128 && memchr(outside, code - 128, sizeof outside)))
         return kn_complain("batch", KN_EXIT_DEVICE, "%s: %s", argv[0], code < 0 ? "cannot be run" : message_of(row));
     char *text = json_dumps(row, JSON_COMPACT | JSON_REAL_PRECISION(12));
-    if (!text || !kn_replay_trace_hash("/proc/self/exe", &hash))
-        return kn_complain("batch", KN_EXIT_INTERNAL, "out of memory");
+    if (!text) return kn_complain("batch", KN_EXIT_INTERNAL, "out of memory");
     if (!kn_output_open(&file, "batch", path)) return KN_EXIT_DEVICE;
-    fprintf(file.file, "%016" PRIx64 "\n%s", kn_hash_bytes(hash, text, strlen(text)), text);
+    fprintf(file.file, "%016" PRIx64 "\n%s", kn_hash_bytes(KN_HASH_SEED, text, strlen(text)), text);
     return kn_output_close(&file, "batch");
 }
 
-// Load a result. Return NULL if it is missing or damaged, or of another build of knead.
+// Load a result. Return NULL if it is missing or damaged.
 static json_t *load(const batch *b, const char *result)
 {
     char path[PATH_MAX], error[PATH_MAX];
@@ -131,7 +132,7 @@ static json_t *load(const batch *b, const char *result)
     uint64_t hash;
     char *text = (char *)kn_words_load(kn_jobs_path(&b->jobs, result, path), &size, error, sizeof error);
     bool whole = text && size > 17 && sscanf(text, "%16" SCNx64 "\n", &hash) == 1 &&
-                 hash == kn_hash_bytes(b->program, text + 17, size - 17);
+                 hash == kn_hash_bytes(KN_HASH_SEED, text + 17, size - 17);
     json_t *row = whole ? json_loadb(text + 17, size - 17, 0, NULL) : NULL;
     free(text);
     return row;
@@ -139,34 +140,45 @@ static json_t *load(const batch *b, const char *result)
 
 // ---- the list
 
+static const char elsewhere[] = "--hosts: expected only files in this folder or below";
+
 // Print a message on a line of the list.
 static int refuse(const batch *b, int number, const char *what)
 {
     return kn_complain("batch", KN_EXIT_USAGE, "%s:%d:1: %s", b->list, number, what);
 }
 
+// If a word of a line, or the value of an option, is a file, add its size and time of change to `hash`, and send the
+// file to the hosts. Return false if it cannot be sent.
+static bool take_file(batch *b, const char *word, uint64_t *hash)
+{
+    const char *value = strncmp(word, "--", 2) ? NULL : strchr(word, '='), *path = value ? value + 1 : word;
+    char home[PATH_MAX], whole[2 * PATH_MAX];
+    struct stat file;
+    if (stat(path, &file) != 0 || !S_ISREG(file.st_mode)) return true;
+    const int64_t state[] = {file.st_size, file.st_mtim.tv_sec, file.st_mtim.tv_nsec};
+    *hash = kn_hash_bytes(*hash, state, sizeof state);
+    snprintf(whole, sizeof whole, "%s/./%s", getcwd(home, sizeof home) ? home : "", path);
+    kn_jobs_send(&b->jobs, whole);
+    return !b->engine.hosts || (*path != '/' && !strstr(path, ".."));
+}
+
 // Check the words of a line, name its result and add its job if there is no result yet.
 static int take_words(batch *b, const char *text, int number, int count, char *const *words)
 {
+    // The command with --json and --help must end with 0: then it has --json, and its other options are right.
+    static const char *const ask[] = {"--json", "--help"};
     char name[17];
     uint64_t hash = b->origin;
     if (count == 0 || !isalpha((unsigned char)*words[0])) return refuse(b, number, "expected a knead command");
-    // The command with --json and --help must end with 0: then it has --json, and its other options are right.
-    json_t *answer = run(count, words, "--help");
+    json_t *answer = run(count, words, 2, ask);
     int code = exit_of(answer) == 0 ? KN_EXIT_OK
                                     : refuse(b, number, exit_of(answer) > 0 ? message_of(answer) : "cannot be checked");
     json_decref(answer);
-    // The name is a hash of the program and the words, and of size and time of change of the files that the words name.
+    // The name is a hash of the program, the words and the files.
     for (int i = 0; i < count && code == KN_EXIT_OK; i++) {
         hash = kn_hash_bytes(hash, words[i], strlen(words[i]) + 1);
-        if (stat(words[i], &file) != 0 || !S_ISREG(file.st_mode)) continue;
-        const int64_t state[] = {file.st_size, file.st_mtim.tv_sec, file.st_mtim.tv_nsec};
-        hash = kn_hash_bytes(hash, state, sizeof state);
-        char home[PATH_MAX], path[2 * PATH_MAX];
-        if (b->engine.hosts && (*words[i] == '/' || strstr(words[i], "..")))
-            code = refuse(b, number, "--hosts: expected only files in this folder or below");
-        snprintf(path, sizeof path, "%s/./%s", getcwd(home, sizeof home) ? home : "", words[i]);
-        kn_jobs_send(&b->jobs, path);
+        if (!take_file(b, words[i], &hash)) code = refuse(b, number, elsewhere);
     }
     if (code != KN_EXIT_OK) return code;
     snprintf(name, sizeof name, "%016" PRIx64, hash);
@@ -185,22 +197,28 @@ static int read_list(batch *b, const char *path)
 {
     char *text = NULL;
     size_t size = 0;
+    ssize_t length;
     int code = KN_EXIT_OK;
     FILE *f = strcmp(path, "-") ? fopen(path, "re") : stdin;
     if (!f)
         return kn_complain("batch", KN_EXIT_USAGE, "%s: %s, expected a list of knead commands", path, strerror(errno));
-    for (int number = 1; code == KN_EXIT_OK && !kn_interrupted && getline(&text, &size, f) > 0; number++) {
+    errno = 0;
+    for (int number = 1; code == KN_EXIT_OK && !kn_interrupted && (length = getline(&text, &size, f)) > 0; number++) {
         wordexp_t words;
+        bool plain = length <= LINE_MAX_BYTES && strlen(text) == (size_t)length;
         text[strcspn(text, "\r\n")] = '\0';
-        if (!text[strspn(text, " \t")] || *text == '#') continue;
-        if (wordexp(text, &words, WRDE_NOCMD | WRDE_UNDEF) != 0)
-            code = refuse(b, number,
-                          "expected words as in a shell: quotes in pairs, and | & ; < > ( ) { } $ ` only in quotes");
+        if (plain && strchr("#", text[strspn(text, " \t")])) continue; // also the end of the text
+        if (!plain) code = refuse(b, number, "expected at most 100000 bytes, none of them 0");
+        else if (wordexp(text, &words, WRDE_NOCMD | WRDE_UNDEF) != 0)
+            code = refuse(
+                b, number,
+                "expected words as in a shell: quotes in pairs, | & ; < > ( ) { } ` only in quotes, no unset $NAME");
         else {
             code = take_words(b, text, number, (int)words.we_wordc, words.we_wordv);
             wordfree(&words);
         }
     }
+    if (code == KN_EXIT_OK && ferror(f)) code = kn_complain("batch", KN_EXIT_USAGE, "%s: %s", path, strerror(errno));
     if (f != stdin) fclose(f);
     free(text);
     if (code != KN_EXIT_OK || json_array_size(b->rows) > 0) return code;
@@ -276,9 +294,7 @@ static int report(const batch *b)
     {
         const char *name = json_string_value(json_object_get(line, "result"));
         json_t *row = load(b, name), *cells = json_object();
-        if (!row)
-            code = kn_complain("batch", KN_EXIT_DEVICE, "%s/%s: is damaged, or of another build of knead",
-                               b->jobs.folder, name);
+        if (!row) code = kn_complain("batch", KN_EXIT_DEVICE, "%s/%s: is damaged", b->jobs.folder, name);
         if (!row) break;
         if (exit_of(row) != 0 && failed++ == 0)
             snprintf(first, sizeof first, "%s:%d:1: exit %d %s", b->list,
@@ -303,13 +319,19 @@ static int play_all(batch *b, const char *list)
     char home[PATH_MAX], folder[PATH_MAX];
     b->list = strcmp(list, "-") ? list : "standard input";
     b->jobs = (kn_jobs){.command = "batch", .engine = b->engine, .hint = "repeat the command to play them"};
+    if (kn_output_same(b->out, list))
+        return kn_complain("batch", KN_EXIT_USAGE, "%s: is being read, expected another file to write", list);
     int code = kn_output_try("batch", b->out);
     if (code != KN_EXIT_OK) return code;
-    if (!kn_replay_trace_hash("/proc/self/exe", &b->program) || !getcwd(home, sizeof home))
+    if (!kn_replay_trace_hash("/proc/self/exe", &b->origin) || !getcwd(home, sizeof home))
         return kn_complain("batch", KN_EXIT_DEVICE, "/proc/self/exe: %s", strerror(errno));
     snprintf(folder, sizeof folder, "%s.runs", b->out);
     b->rows = json_array();
     code = kn_jobs_open(&b->jobs, folder, home);
+    for (int i = 0; i < b->send_count && code == KN_EXIT_OK; i++)
+        if (access(b->sends[i], R_OK) != 0 || !take_file(b, b->sends[i], &b->origin))
+            code =
+                kn_complain("batch", KN_EXIT_USAGE, "--send %s: expected a file in this folder or below", b->sends[i]);
     if (code == KN_EXIT_OK) code = read_list(b, list);
     const size_t lines = json_array_size(b->rows);
     if (code == KN_EXIT_OK)
@@ -332,6 +354,8 @@ int kn_batch_main(int argc, char **argv)
     static const kn_option rows[] = {
         KN_OPTION("out", TEXT, .offset = offsetof(batch, out), .expected = "a file"),
         KN_JOBS_OPTIONS(batch),
+        KN_OPTION("send", LIST, .offset = offsetof(batch, sends), .count = offsetof(batch, send_count), .most = 64,
+                  .expected = "at most 64 of them"),
     };
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     // An engine runs this program for a single line.
