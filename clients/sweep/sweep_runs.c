@@ -27,16 +27,13 @@ static bool load(const kn_sweep_runs *c, const kn_sweep_run *run, kn_replay_trac
     return kn_replay_trace_load(t, kn_jobs_path(&c->jobs, trace_of(run, name), path));
 }
 
-// Return true if a run must still be replayed. This is the case if it has no trace, or if `times` is true and the trace
-// has no valid times.
-static bool is_missing(const kn_sweep_runs *c, const kn_sweep_run *run, bool times)
+// Return true if a run must still be replayed.
+static bool is_missing(const kn_sweep_runs *c, const kn_sweep_run *run)
 {
     kn_replay_trace t;
-    bool missing = !load(c, run, &t);
-    // If a point was replayed in parallel with others, its times are not valid, and `sitting` in its trace is 0.
-    missing |= times && run->role == KN_ROLE_POINT && t.sitting == 0;
+    const bool found = load(c, run, &t);
     kn_replay_trace_free(&t);
-    return missing;
+    return !found;
 }
 
 // Write the scene into the folder, and a link to the log, so that a job finds both under the same names on every host.
@@ -90,8 +87,35 @@ int kn_sweep_runs_open(kn_sweep_runs *c)
         code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->jobs.folder, strerror(errno));
     if (code == KN_EXIT_OK) code = try_log(c);
     // Count the runs whose traces an earlier call of the same sweep has left in the folder.
-    for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += !is_missing(c, &c->plan->run[i], false);
+    for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += !is_missing(c, &c->plan->run[i]);
     return code;
+}
+
+// Replay a log and save the trace. first: trace of an earlier replay of the same run in this serial pass, or NULL. The
+// shorter of the two times of each tick counts. c: NULL in the process of a job, where times are not valid.
+static int play(kn_sweep_runs *c, const char *path, const kn_replay_def *def, const kn_replay_trace *first)
+{
+    char error[512];
+    kn_replay_trace t;
+    if (!kn_replay_trace_play(&t, def, error, sizeof error))
+        return kn_interrupted ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
+    t.sitting = c ? c->sitting : 0;
+    if (first) {
+        // Count the point as unsteady if its two measured times differ so much that the machine must have been busy
+        // with other work.
+        double ratio = t.median_us / first->median_us;
+        c->timed++;
+        c->unsteady += ratio > UNSTEADY || ratio < 1 / UNSTEADY;
+    }
+    bool saved = (!first || kn_replay_trace_calm(&t, first)) && kn_replay_trace_save(&t, path);
+    kn_replay_trace_free(&t);
+    return saved ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
+}
+
+int kn_sweep_job_play(const char *trace, const kn_replay_def *def)
+{
+    kn_jobs_begin();
+    return play(NULL, trace, def, NULL);
 }
 
 // Replay a log and save the trace. first: trace of an earlier replay of the same run in this serial pass, or NULL. The
@@ -123,81 +147,37 @@ int kn_sweep_job_play(const char *trace, const kn_replay_def *def)
 
 // ---- one at a time
 
-// Replay one run in this process.
-static int play_here(kn_sweep_runs *c, const kn_sweep_run *run, kn_replay_trace *t)
+// Replay a run in this process if that is necessary. In the first pass these are the missing runs, and the points
+// without valid times, because they were replayed in parallel with others. In the second pass, `again`, these are the
+// points that were replayed in the first pass, minutes ago.
+static int play_here(kn_sweep_runs *c, const kn_sweep_run *run, bool again)
 {
-    char scene[PATH_MAX], error[512];
+    char path[PATH_MAX], name[32], scene[PATH_MAX];
     kn_sweep_run_sets sets;
-    kn_replay_def def = replay_of(c, run, &sets, scene);
-    if (!kn_replay_trace_play(t, &def, error, sizeof error))
-        return kn_interrupted ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
-    t->sitting = c->sitting;
-    return KN_EXIT_OK;
-}
-
-// Save the trace of a run in the folder.
-static int keep_trace(const kn_sweep_runs *c, const kn_sweep_run *run, const kn_replay_trace *t)
-{
-    char path[PATH_MAX], name[32];
-    if (kn_replay_trace_save(t, kn_jobs_path(&c->jobs, trace_of(run, name), path))) return KN_EXIT_OK;
-    return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-}
-
-// Replay a point a second time, minutes after the first. The shorter of the two times of each tick counts.
-static int play_again(kn_sweep_runs *c, const kn_sweep_run *run)
-{
-    kn_replay_trace first, second = {0};
-    bool timed = load(c, run, &first) && first.sitting == c->sitting && run->role == KN_ROLE_POINT;
-    int code = timed ? play_here(c, run, &second) : KN_EXIT_OK;
-    if (timed && code == KN_EXIT_OK) {
-        // Count the point as unsteady if its two measured times differ so much that the machine must have been busy
-        // with other work.
-        double ratio = second.median_us / first.median_us;
-        c->timed++;
-        c->unsteady += ratio > UNSTEADY || ratio < 1 / UNSTEADY;
-        if (!kn_replay_trace_calm(&second, &first)) code = kn_complain("tradeoff", KN_EXIT_INTERNAL, "out of memory");
-        else code = keep_trace(c, run, &second);
-    }
+    kn_replay_trace first;
+    const kn_replay_def def = replay_of(c, run, &sets, scene);
+    const bool found = load(c, run, &first), point = run->role == KN_ROLE_POINT;
+    const bool due = again ? found && point && first.sitting == c->sitting : !found || (point && first.sitting == 0);
+    kn_jobs_path(&c->jobs, trace_of(run, name), path);
+    int code = due ? play(c, path, &def, again ? &first : NULL) : KN_EXIT_OK;
     kn_replay_trace_free(&first);
-    kn_replay_trace_free(&second);
     return code;
 }
 
-// Replay all missing runs one at a time in a first pass. Replay every point again in a second pass to measure its times
-// a second time.
 static int play_serially(kn_sweep_runs *c)
 {
-    const kn_sweep_plan *plan = c->plan;
+    const int runs = c->plan->count;
     int code = KN_EXIT_OK;
-    kn_progress bar = kn_progress_open("tradeoff", 2 * plan->count); // the bar counts the runs of both passes
-    for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
-        kn_replay_trace t = {0};
-        if (!is_missing(c, &plan->run[i], true)) continue;
+    kn_progress bar = kn_progress_open("tradeoff", 2 * runs); // the bar counts the runs of both passes
+    for (int i = 0; i < 2 * runs && code == KN_EXIT_OK; i++) {
         kn_progress_step(&bar, i);
-        code = play_here(c, &plan->run[i], &t);
-        if (code == KN_EXIT_OK) code = keep_trace(c, &plan->run[i], &t);
-        kn_replay_trace_free(&t);
-    }
-    for (int i = 0; i < plan->count && code == KN_EXIT_OK; i++) {
-        kn_progress_step(&bar, plan->count + i);
-        code = play_again(c, &plan->run[i]);
+        code = play_here(c, &c->plan->run[i % runs], i >= runs);
     }
     kn_progress_close(&bar);
     return code;
 }
 
 // ---- by an engine
-
-int kn_sweep_job_play(const char *trace, const kn_replay_def *def)
-{
-    char error[512];
-    kn_replay_trace t;
-    kn_jobs_begin();
-    if (!kn_replay_trace_play(&t, def, error, sizeof error)) return kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
-    bool saved = kn_replay_trace_save(&t, trace);
-    kn_replay_trace_free(&t);
-    return saved ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", trace, strerror(errno));
-}
 
 // Add the job of a run.
 static void add_job(kn_sweep_runs *c, const kn_sweep_run *run)
@@ -235,7 +215,7 @@ static int play_by_engine(kn_sweep_runs *c)
     for (int role = KN_ROLE_FINE; role >= KN_ROLE_POINT; role--)
         for (int i = c->plan->count - 1; i >= 0; i--) {
             const kn_sweep_run *run = &c->plan->run[i];
-            if ((int)run->role == role && is_missing(c, run, false)) add_job(c, run);
+            if ((int)run->role == role && is_missing(c, run)) add_job(c, run);
         }
     return kn_jobs_play(&c->jobs);
 }
