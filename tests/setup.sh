@@ -13,7 +13,9 @@ setup_packages() {
     local purposes=run
     [ "$1" = run ] || purposes="run|gate"
     [ "$1" != night ] || purposes="run|gate|night"
-    sed -nE "s/^([a-z0-9][^ ]*) +# ($purposes) .*/\1/p" "$setup_root/tests/packages"
+    awk -v purposes="^($purposes)$" -v release="$(. /etc/os-release && echo "${VERSION_CODENAME-}")" '
+        $1 == "#" && $2 == release { called[$3] = $4 }
+        $2 == "#" && $3 ~ purposes && called[$1] != "-" { print called[$1] ? called[$1] : $1 }' "$setup_root/tests/packages"
 }
 
 setup_missing() {
