@@ -74,10 +74,11 @@ static inline void kn_test_add(kn_test_case *t)
 // Choose how often a test repeats something, or how many variants it tries. The three values are for the gate's
 // sanitized build, the gate's release build, and the night (tests/run --all).
 #if defined(KN_SANITIZED)
-#define KN_LENGTH(sanitized, release, night) (getenv("KN_NIGHT") ? (night) : (sanitized))
+#define KN_LENGTH(sanitized, release, night) (kn_is_night() ? (night) : (sanitized))
 #else
-#define KN_LENGTH(sanitized, release, night) (getenv("KN_NIGHT") ? (night) : (release))
+#define KN_LENGTH(sanitized, release, night) (kn_is_night() ? (night) : (release))
 #endif
+static inline int kn_is_night(void) { return getenv("KN_NIGHT") != NULL; }
 #define SKIP(...)                                                                                                      \
     do {                                                                                                               \
         printf("skipped: " __VA_ARGS__);                                                                               \
