@@ -9,7 +9,7 @@ export PYTHONPATH=$KN_BUILD/python
 cc -I "$KN_BUILD/include" -o press "$examples/press.c" -L "$KN_BUILD/core" -lknead -Wl,-rpath,"$KN_BUILD/core"
 ./press >press.txt
 python3 "$examples/press.py" | cmp - press.txt
-check "press.py prints the 31 lines of press.c: $(tail -n 1 press.txt)" [ $? = 0 ]
+check "press.py prints the 31 lines of press.c" [ $? = 0 ]
 
 knead creep dough --csv curve.csv >creep.log
 start_kneadd dough-small.yaml
