@@ -474,7 +474,7 @@ static kn_link_status ask(kn_link *link, const kn_request *r, int64_t ms, kn_rep
 
 TEST("a serial line is opened by name with its speed and a short latency timer, and carries the frames")
 {
-    char line[256], why[KN_LINK_WHY], uri[160], real[256] = "", path[400], text[8] = "";
+    char line[256], why[KN_LINK_WHY], uri[160], real[4096] = "", path[400], text[8] = "";
     char sysfs[] = "/tmp/knead-sysfs-XXXXXX";
     kn_board b = start_on(false, NULL, "1");
     CHECK(mkdtemp(sysfs) && realpath(b.uri + 4, real));
