@@ -28,6 +28,6 @@ expect '--url localhost: expected ws://HOST:PORT' haply --url localhost
 expect '--device a"b: expected an id' haply --device 'a"b'
 expect '--device: only for haply and touch' forcedimension --device 1
 expect 'touch needs --no-watchdog, because libHD cannot show that the arm drops its force' touch
-expect '--preset : expected a name' haply --preset ''
+expect "--preset '': expected a value" haply --preset ''
 knead hand --help | grep -q 'UNTESTED ON HARDWARE' || fail "--help does not say what is untested on hardware"
 exit $failed
