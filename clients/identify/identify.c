@@ -294,9 +294,10 @@ static const struct {
     const kn_identify_experiment *experiment;
 } experiments[] = {
     {"creep", "fit a material to the strain of a specimen under a weight and after it", &kn_identify_creep},
-    {"press", "fit the material of a lattice to force and depth of presses with a tool", &kn_identify_press},
+    {"press", "fit the material of an object to force and depth of presses with a tool", &kn_identify_press},
     {"relax", "fit a material to the stress in a specimen that is held compressed", &kn_identify_relax},
-    {"shape", "find structure and inside pressure of a pressed lump by its range image and force", NULL},
+    {"shape", "find the inner structure of a lump and the pressure in it from a depth image of a press, and the force",
+     NULL},
     {"sweep", "fit springs and dampers to storage and loss modulus over frequency", &kn_identify_sweep},
 };
 enum { EXPERIMENTS = sizeof experiments / sizeof *experiments };
@@ -306,7 +307,7 @@ static void print_help(void)
     fputs(
         "usage: knead identify COMMAND [OPTION]... FILE...\n\n"
         "Fit a virtual object to measurements of a real one. The output has the parameters with 95 % intervals, and a\n"
-        "material or a scene that kneadd serves. `knead help identify COMMAND` describes a command.\n\n",
+        "material, or a scene that kneadd serves. `knead help identify COMMAND` describes a command and its FILE.\n\n",
         stdout);
     for (int i = 0; i < EXPERIMENTS; i++) printf("  %-6s %s\n", experiments[i].name, experiments[i].summary);
     puts("\nExamples:\n"

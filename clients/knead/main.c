@@ -27,7 +27,8 @@ static void print_help(FILE *out)
     fprintf(out,
             "\n`The first paper` is Tomokuni, Sugiyama, Hirai: construction of virtual rheological objects.\n\n"
             "Examples:\n    knead check dough\n    knead creep dough\n    knead help probe\n\n"
-            "Exit codes: 0 ok, 1 a requested check failed, 2 bad input, 3 device or transport, 70 internal error.\n");
+            "Exit codes: 0 ok, 1 a check failed or a result cannot be used, 2 bad input, 3 device, transport or file,\n"
+            "70 internal error.\n");
 }
 
 // Return the subcommand with this name. If there is none, return NULL and print the reason.
