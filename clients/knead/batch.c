@@ -7,6 +7,8 @@
 #include "clients/sweep/replay_trace.h"
 #include "core/hash.h"
 #include "core/scene/mesh_file.h"
+#include "core/scene/scene.h"
+#include "server/scene_name.h"
 #include <ctype.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -149,12 +151,16 @@ static int refuse(const batch *b, int number, const char *what)
 }
 
 // If a word of a line, or the value of an option, is a file, add its size and time of change to `hash`, and send the
-// file to the hosts. Return false if it cannot be sent.
+// file to the hosts. If it is a scene, or the name of one, add the scene with its meshes. Return false if a file cannot be
+// sent.
 static bool take_file(batch *b, const char *word, uint64_t *hash)
 {
-    const char *value = strncmp(word, "--", 2) ? NULL : strchr(word, '='), *path = value ? value + 1 : word;
-    char home[PATH_MAX], whole[2 * PATH_MAX];
+    const char *value = strncmp(word, "--", 2) ? NULL : strchr(word, '='), *path = value ? value + 1 : word, *named;
+    char home[PATH_MAX], whole[2 * PATH_MAX], error[PATH_MAX];
     struct stat file;
+    kn_scene *scene = kn_scene_take(&named, path) ? NULL : kn_scene_load(named, NULL, 0, error, sizeof error);
+    if (scene) *hash = kn_hash_bytes(*hash, &scene->text_hash, sizeof scene->text_hash);
+    kn_scene_destroy(scene);
     if (stat(path, &file) != 0 || !S_ISREG(file.st_mode)) return true;
     const int64_t state[] = {file.st_size, file.st_mtim.tv_sec, file.st_mtim.tv_nsec};
     *hash = kn_hash_bytes(*hash, state, sizeof state);
