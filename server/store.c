@@ -15,6 +15,7 @@
 
 #define TEMPORARY ".tmp" // name of the temporary file; one name is enough, because the directory is locked
 #define ESTOP "estop"    // name of the file that stores an emergency stop
+#define SUFFIX ".knead"
 #define GENERATION_MAX INT64_C(9000000000000000) // largest generation; a double holds it exactly
 
 // --- the system -----------------------------------------------------------------------------------------------------
@@ -55,7 +56,7 @@ static void any_series_of(const kn_scene *scene, char *series, size_t size)
 
 static void file_name(const char *series, int64_t generation, char name[256])
 {
-    snprintf(name, 256, "%.200s.%08" PRId64 KN_STORE_SUFFIX, series, generation);
+    snprintf(name, 256, "%.200s.%08" PRId64 SUFFIX, series, generation);
 }
 
 // Return the generation in a file's name. Return 0 if the file belongs to another series. If `any_series` is true, the
@@ -70,9 +71,7 @@ static int64_t generation_of(const kn_store *s, const char *name, bool any_serie
         return 0;
     errno = 0;
     long long generation = strtoll(name + at + 1, &end, 10);
-    return errno == 0 && generation > 0 && generation <= GENERATION_MAX && strcmp(end, KN_STORE_SUFFIX) == 0
-               ? generation
-               : 0;
+    return errno == 0 && generation > 0 && generation <= GENERATION_MAX && strcmp(end, SUFFIX) == 0 ? generation : 0;
 }
 
 typedef struct found {

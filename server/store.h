@@ -20,7 +20,6 @@
 #include <stdio.h>
 #include <sys/types.h>
 
-#define KN_STORE_SUFFIX ".knead" // end of every snapshot file's name
 #define KN_STORE_OWN INT64_C(1000000000)
 #define KN_STORE_KEPT 8 // number of latest files that are kept
 #define KN_STORE_PINS 4 // number of latest restored files that are kept in addition; must be below KN_STORE_KEPT

@@ -80,10 +80,12 @@ int kn_jobs_open(kn_jobs *j, const char *folder, const char *home)
     if (code != KN_EXIT_OK) return code;
     // Open without truncation, because another process may hold the lock.
     j->sent = fopen(kn_jobs_path(j, "sent", path), "ae");
-    if (!j->sent || flock(fileno(j->sent), LOCK_EX | LOCK_NB) != 0)
+    if (!j->sent || flock(fileno(j->sent), LOCK_EX | LOCK_NB) != 0) {
+        j->fresh = false; // it belongs to the other command
         return kn_complain(j->command, KN_EXIT_DEVICE, "%s: %s", j->folder,
                            errno == EWOULDBLOCK ? "another command is playing the runs of this folder"
                                                 : strerror(errno));
+    }
     // Make new files, because an array whose command was killed may still be reading the old ones.
     unlink(kn_jobs_path(j, "results", path));
     j->results = fopen(path, "we");
@@ -95,7 +97,7 @@ int kn_jobs_open(kn_jobs *j, const char *folder, const char *home)
     // The name is unique on all machines, so a folder of this name may be deleted, and the array of this name ended.
     clock_gettime(CLOCK_REALTIME, &now);
     fprintf(j->script, "command=%s name=knead-jobs-%lld%09ld ", j->command, (long long)now.tv_sec, now.tv_nsec);
-    if (j->engine.jobs > 0) fprintf(j->script, "jobs=%d ", j->engine.jobs);
+    fprintf(j->script, j->engine.jobs > 0 ? "jobs=%d " : "jobs= ", j->engine.jobs);
     put_word(j->script, "hosts=", j->engine.hosts ? j->engine.hosts : "");
     put_word(j->script, " folder=", j->folder);
     put_word(j->script, " home=", home ? home : j->folder);
@@ -134,6 +136,8 @@ static pid_t start(const kn_jobs *j, const char *engine, FILE *errors)
 {
     pid_t child = fork();
     if (child != 0) return child;
+    // A Ctrl-C of the terminal goes to this process alone, which then tells the script. So the script can clean up.
+    setsid();
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     kn_interrupt_unwatch();
     dup2(open("/dev/null", O_WRONLY | O_CLOEXEC), STDOUT_FILENO);
@@ -161,6 +165,7 @@ int kn_jobs_play(kn_jobs *j)
     if (fflush(j->script) | fflush(j->results) | fflush(j->sent) | ferror(j->script) | ferror(j->results) |
         ferror(j->sent))
         return kn_complain(j->command, KN_EXIT_DEVICE, "%s: the list of runs could not be written", j->folder);
+    if (kn_interrupted) return KN_EXIT_DEVICE;
     if (j->count == 0) return KN_EXIT_OK;
     char reason[500];
     FILE *errors = tmpfile();

@@ -35,6 +35,7 @@ hosts)
 '
     export PARALLEL_RSYNC_OPTS=-rLDzR
     by_parallel --sshlogin "$hosts" --workdir $name $(sort -u sent | sed 's/^/--basefile=/') --return {} "[ -e jobs ] || cd ..; exec sh jobs one {} '$(cksum <"$knead")'"
+    trap '' TERM # what has been begun is cleared away
     exec parallel --plain --will-cite --timeout 20 --nonall --sshlogin "$hosts" rm -rf $name 2>/dev/null
     ;;
 slurm)
@@ -43,6 +44,7 @@ slurm)
     watch sbatch --wait --requeue --array=0-$(((count < tasks ? count : tasks) - 1)) --job-name=$name --output=slurm.log \
         --open-mode=append --wrap 'exec sh jobs task $SLURM_ARRAY_TASK_ID'
     [ ! -e slurm.log ] || cat slurm.log >&2
+    trap '' TERM
     exec scancel --quiet --name $name # the array outlives an sbatch that is ended
     ;;
 esac

@@ -150,12 +150,12 @@ static int refuse(const batch *b, int number, const char *what)
     return kn_complain("batch", KN_EXIT_USAGE, "%s:%d:1: %s", b->list, number, what);
 }
 
-// If a word of a line, or the value of an option, is a file, add its size and time of change to `hash`, and send the
+// If a word of a line, or what follows its first '=', is a file, add its size and time of change to `hash`, and send the
 // file to the hosts. If it is a scene, or the name of one, add the scene with its meshes. Return false if a file cannot be
 // sent.
 static bool take_file(batch *b, const char *word, uint64_t *hash)
 {
-    const char *value = strncmp(word, "--", 2) ? NULL : strchr(word, '='), *path = value ? value + 1 : word, *named;
+    const char *value = strchr(word, '='), *path = value ? value + 1 : word, *named;
     char home[PATH_MAX], whole[2 * PATH_MAX], error[PATH_MAX];
     struct stat file;
     kn_scene *scene = kn_scene_take(&named, path) ? NULL : kn_scene_load(named, NULL, 0, error, sizeof error);
@@ -224,6 +224,7 @@ static int read_list(batch *b, const char *path)
             wordfree(&words);
         }
     }
+    if (kn_interrupted) code = KN_EXIT_DEVICE;
     if (code == KN_EXIT_OK && ferror(f)) code = kn_complain("batch", KN_EXIT_USAGE, "%s: %s", path, strerror(errno));
     if (f != stdin) fclose(f);
     free(text);

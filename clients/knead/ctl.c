@@ -26,8 +26,7 @@ static const char help[] =
     "                   and back. Limits of the device can be lowered, never raised\n"
     "  load [SCENE]     check the scene and start again with it; without SCENE, read the present scene's file again\n"
     "  snapshot         save the object to a file, and answer once the file is on disk; needs kneadd --state-dir\n"
-    "  restore [N]      restore the object from your snapshot N, or from the newest of yours and the server's own.\n"
-    "                   Instead of N: the name of a file in the directory of kneadd --state-dir\n"
+    "  restore [N]      restore the object from your snapshot N, or from the newest of yours and the server's own\n"
     "  undo             undo the last kneading, reset or restore\n"
     "  estop            fade every force to 0 within 20 ms and keep it at 0, for new hands as well, until recover.\n"
     "                   The stop stays in force after load. After a restart it stays only with kneadd --state-dir\n"
@@ -193,14 +192,6 @@ static json_t *absolute(const char *path)
     json_t *text = json_string(whole ? whole : path);
     free(whole);
     return text;
-}
-
-// Find the generation in the name of a snapshot file: the digits between its last two dots.
-static const char *generation_in(const char *file)
-{
-    const char *end = file + strlen(file) - strlen(KN_STORE_SUFFIX);
-    while (end > file && end[-1] != '.') end--;
-    return end;
 }
 
 // Add the argument of the command load, restore or quality to the request. The server refuses an argument that the

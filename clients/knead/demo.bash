@@ -1,17 +1,18 @@
 # What knead demo does. $0: the program knead. Arguments: SCENE OUT ONCE INSIDE, then options of kneadd and knead check.
 set -u
-bin=${0%/*} scene=$1 out=$2 once=$3 inside=$4
-shift 4
+bin=${0%/*} scene=$1 out=$2 once=$3 inside=${KNEAD_DEMO_INSIDE:-0} # 1: started again by this script, in a namespace
+shift 3
 options=("$@")
+results=(press.lcmlog press.csv press.png dent.png)
 group=239.255.76.67 # LCM's; poses, forces and status on port 7667, meshes on 7668
-mkdir -p "$out" && out=$(cd "$out" && pwd) || exit 3
+mkdir -p "$out" && out=$(realpath "$out") || exit 3
 control=$out/control
 [ ${#control} -le 107 ] || control=$(mktemp -d)/control # a socket's path can be no longer
 
 # Joining the group must not leave this machine, so the group is routed to lo. Whoever may not add that route gets a network
 # namespace that exists only while the demo runs.
 make_network() {
-    local again=("$0" demo "$scene" --out "$out" --inside "${options[@]}") flags=-rn
+    local again=(env KNEAD_DEMO_INSIDE=1 "$0" demo "$scene" --out "$out" "${options[@]}") flags=-rn
     ! ip -4 route get "$group" 2>/dev/null | grep -q ' dev lo ' || return 0
     if ip route add "$group/32" dev lo 2>/dev/null; then
         route_added=1
@@ -31,10 +32,11 @@ make_network() {
     exec "$0" web --bind unshare $flags "${again[@]}"
 }
 
-server='' page='' ticker='' route_added=0
+server='' page='' ticker='' state='' route_added=0
 start_server() { # returns once it serves
-    rm -rf "$out/state" && mkdir "$out/state" # of this start alone: it begins on an object that nothing has touched
-    "$bin/kneadd" "$scene" --set mesh.measures=both "${options[@]}" --control "$control" --state-dir "$out/state" --touch \
+    [ -z "$state" ] || rm -rf "$state"
+    state=$(mktemp -d) || exit 3 # of this start alone: it begins on an object that nothing has touched
+    "$bin/kneadd" "$scene" --set mesh.measures=both "${options[@]}" --control "$control" --state-dir "$state" --touch \
         >"$out/kneadd.log" 2>&1 3>&- &
     server=$!
     until grep -q serving "$out/kneadd.log"; do
@@ -75,6 +77,7 @@ leave() { # whatever has been started ends; on a terminal's Ctrl-C it is ending 
     if [ -n "$server" ]; then
         stop_server && ended+='; kneadd has ended, forces at zero' || ended+="; kneadd has ended with exit $?, see $out/kneadd.log"
     fi
+    [ -z "$state" ] || rm -rf "$state"
     [ $route_added = 0 ] || { ip route del "$group/32" dev lo && ended+='; the route is gone'; }
     [ $once = 1 ] || [ -z "$ended" ] || printf '\nstopped: %s\n' "${ended:2}"
 }
@@ -90,7 +93,7 @@ tell_time() { # a line every 4 s, since a press takes some 12
 press() {
     local try code picture=()
     command -v gnuplot >/dev/null && picture=(--png "$out/press.png") || echo "press.png is not drawn: gnuplot is not installed"
-    rm -f "$out"/press.* "$out/dent.png"
+    (cd "$out" && rm -f "${results[@]}")
     for try in 1 2 3; do # each on a block that nothing has touched
         start_server
         echo "a virtual hand presses it: 1 cm deep at 1 cm/s, 4 s still, and up again"
@@ -115,8 +118,8 @@ reach() { # how another terminal gets at this server
     local user=''
     grep -qw 4294967295 /proc/self/uid_map || user='-U --preserve-credentials ' # not root outside
     [ $inside = 0 ] || echo "    nsenter -t $$ -n ${user}bash"
-    [ "$(command -v knead)" = "$0" ] || echo "    export PATH=$bin:\$PATH"
-    echo "    export KNEAD_CONTROL=$control"
+    [ "$(command -v knead)" = "$0" ] || printf '    export PATH=%q:$PATH\n' "$bin"
+    printf '    export KNEAD_CONTROL=%q\n' "$control"
     echo "    knead probe --path poke              # or sine, or press --record my.lcmlog"
     echo "    knead view --png now.png"
     [ -z "$page" ] || echo "In a browser: $address"
@@ -134,7 +137,7 @@ fi
 
 [ $once = 1 ] || start_page
 if press; then
-    echo "wrote $(cd "$out" && ls press.* dent.png | paste -sd ' ') into $out"
+    echo "wrote $(cd "$out" && ls "${results[@]}" 2>/dev/null | paste -sd ' ') into $out"
 else
     echo "no press succeeded: this machine stalls too often. Everything else continues"
 fi

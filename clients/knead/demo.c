@@ -16,11 +16,11 @@ __asm__(".section .rodata\ndemo_bash: .incbin \"" KN_CLIENTS_DIR "/knead/demo.ba
 
 static const char help[] =
     "usage: knead demo [SCENE] [OPTION]...\n\n"
-    "Serve an object, press it once with a virtual hand, and open a page on which the mouse presses it.\n"
+    "Serve an object, press it once with a virtual hand, and serve a page on which the mouse presses it.\n"
     "Messages stay on this machine: LCM's multicast group is routed to the loopback device as long as the demo runs.\n"
     "A user who may not add this route gets a network namespace instead.\n\n"
     "  SCENE              scene to serve (default: dough)\n"
-    "  --once             open no page, and end after the press\n"
+    "  --once             serve no page, and end after the press\n"
     "  --out DIR          folder for press.lcmlog, press.csv, press.png and dent.png (default: knead-demo)\n"
     "  --set KEY=VALUE    set a key of the scene; knead check --keys lists them\n"
     "  --quality NAME     quality point of the scene: fast, balanced, accurate or own\n\n"
@@ -34,7 +34,7 @@ static const char help[] =
 typedef struct options {
     const char *set[SETS], *quality, *out;
     int sets;
-    bool once, inside;
+    bool once;
 } options;
 
 int kn_demo_main(int argc, char **argv)
@@ -45,8 +45,6 @@ int kn_demo_main(int argc, char **argv)
         KN_OPTION("out", TEXT, AT(out), .expected = "a folder"),
         KN_OPTION("set", LIST, AT(set), .expected = "KEY=VALUE", .most = SETS, .count = offsetof(options, sets)),
         KN_OPTION("quality", TEXT, AT(quality), .expected = "fast, balanced, accurate or own"),
-        // For the script, which starts itself again in a network namespace of its own.
-        KN_OPTION("inside", FLAG, AT(inside)),
     };
 #undef AT
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
@@ -60,15 +58,9 @@ int kn_demo_main(int argc, char **argv)
     ssize_t length = readlink("/proc/self/exe", self, sizeof self - 1);
     if (length < 0) return kn_complain("demo", KN_EXIT_DEVICE, "/proc/self/exe: %s", strerror(errno));
     self[length] = '\0';
-    const char *to[2 * SETS + 16] = {"bash",
-                                     "-c",
-                                     demo_bash,
-                                     self,
-                                     argc > optind ? argv[optind] : "dough",
-                                     opt.out,
-                                     opt.once ? "1" : "0",
-                                     opt.inside ? "1" : "0"};
-    int n = 8;
+    const char *to[2 * SETS + 16] = {
+        "bash", "-c", demo_bash, self, argc > optind ? argv[optind] : "dough", opt.out, opt.once ? "1" : "0"};
+    int n = 7;
     for (int i = 0; i < opt.sets; i++) to[n++] = "--set", to[n++] = opt.set[i];
     if (opt.quality) to[n++] = "--quality", to[n++] = opt.quality;
     execvp("bash", (char **)to);

@@ -706,6 +706,8 @@ static int finish(probe *p)
     if (p->opt.png && report.contact_s > 0.0) {
         int drawn = draw(p);
         if (drawn != KN_EXIT_OK) code = drawn;
+    } else if (p->opt.png) {
+        printf("  %s is not drawn, because nothing was touched\n", p->opt.png);
     }
     return code;
 }
@@ -713,7 +715,8 @@ static int finish(probe *p)
 // Run the steps of a session in order. Bad input is found before anything moves.
 static int run(probe *p)
 {
-    int code = load_path(p);
+    int code = p->opt.png ? kn_plot_try("probe", p->opt.png) : KN_EXIT_OK;
+    if (code == KN_EXIT_OK) code = load_path(p);
     if (code == KN_EXIT_OK) code = find_scene(p);
     if (code == KN_EXIT_OK) code = open_mesh(p);
     if (code == KN_EXIT_OK && p->opt.gripped) code = take_device(p);

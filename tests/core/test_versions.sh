@@ -9,7 +9,7 @@ version() { # version NAME VERSION-IN-THE-CODE
     [ "$(cell "$1" 3)" = "$2" ] && echo "ok   $1 $2" && return
     echo "FAIL CHANGELOG.md says $1 '$(cell "$1" 3)', the code $2" && fail=1
 }
-fingerprint() { # fingerprint NAME: of the standard input
+fingerprint() { # fingerprint NAME: of the standard input; not at the end of a pipe, where `fail` would be lost
     local now
     now=$(sha256sum | cut -c1-8)
     [ "$(cell "$1" 5)" = "$now" ] && echo "ok   $1: $now" && return
@@ -18,13 +18,13 @@ fingerprint() { # fingerprint NAME: of the standard input
 constant() { sed -nE "s/^#define $2 +([0-9]+).*/\1/p" "$1"; }
 without_comments() { sed 's|//.*||' "$@" | tr -s ' \n' ' '; }
 
-"$KN_BUILD/bin/knead" check --keys | fingerprint scene
-without_comments proto/*.lcm | fingerprint wire
-{ without_comments proto/*.lcm && grep -oE '0x[0-9a-f]{16}' tests/golden/test_golden.c; } | fingerprint log
+fingerprint scene < <("$KN_BUILD/bin/knead" check --keys)
+fingerprint wire < <(without_comments proto/*.lcm)
+fingerprint log < <(without_comments proto/*.lcm && grep -oE '0x[0-9a-f]{16}' tests/golden/test_golden.c)
 version snapshot "$(constant server/snapshot_file.c FORMAT).$(constant core/snapshot.c LAYOUT)"
 map=$(sed -n 's/.*KN_ENGINE_VERSION = 0x\([0-9]*\),/\1/p' hdl/registers.h)
 version "register map" "$((16#${map:0:4})).$((16#${map:4:2})).$((16#${map:6:2}))"
-grep -oE '(REGISTER|COMMAND|WINDOW|BIT|FIELD)\([^"]*' hdl/registers.h | fingerprint "register map"
+fingerprint "register map" < <(grep -oE '(REGISTER|COMMAND|WINDOW|BIT|FIELD)\([^"]*' hdl/registers.h)
 fingerprint ABI <core/libknead.abi
 library=$(find "$KN_BUILD/core" -name libknead.so)
 [ -z "$library" ] || version ABI "$(objdump -p "$library" | sed -n 's/.*SONAME *libknead.so.//p')" # no library with sanitizers
