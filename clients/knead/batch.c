@@ -33,8 +33,8 @@ static const char help[] =
     "the member `stress_pa` of the first object in the list `loads` is in the column `loads.0.stress_pa`. A list of\n"
     "more than 16 entries, such as a curve, is left out. A cell is empty where a line has no such member.\n"
     "Each finished run is kept in the folder TABLE.csv.runs until the table is written. So the same command continues\n"
-    "after an interruption. A line is played again if it, a file that it names or knead itself has changed "
-    "meanwhile.\n\n"
+    "after an interruption. A line is played again if it, a file or scene that it names, or knead itself has changed "
+    "since.\n\n"
     "options:\n"
     "  --out TABLE.csv    the table\n" KN_JOBS_HELP "  --send FILE        with --hosts: also send this file, such as "
     "the mesh of a scene. The files that the lines name\n"
@@ -91,7 +91,7 @@ static json_t *run(int argc, char *const *argv, const char *option)
         rewind(out);
         rewind(err);
         while (fgets(next, sizeof next, err)) snprintf(message, sizeof message, "%.*s", (int)strcspn(next, "\n"), next);
-        kn_result_text(row, "message", died ? strsignal(WTERMSIG(status)) : message);
+        kn_result_text(row, "message", died ? strsignal(WTERMSIG(status)) : status ? message : "");
         // With another code than 0 and 1 nothing is printed.
         json_t *result = json_loadf(out, 0, NULL);
         json_object_update_missing(row, result);
@@ -193,7 +193,8 @@ static int take_words(batch *b, const char *text, int number, int count, char *c
     kn_result_integer(row, "number", number);
     kn_result_text(row, "result", name);
     json_array_append_new(b->rows, row);
-    if (!known) kn_jobs_add(&b->jobs, name, count, words);
+    // A device or a transport may work the next time.
+    if (!known || exit_of(known) == KN_EXIT_DEVICE) kn_jobs_add(&b->jobs, name, count, words);
     json_decref(known);
     return KN_EXIT_OK;
 }

@@ -15,10 +15,12 @@ silence() {
     done >"$1"
     echo "     the longest silence: $((most / 1000)) ms"
 }
+played=0
 # play RELEASE [OPTION|MIRROR...]
 play() {
     rm -rf root
-    echo "$1" && make_root "$@"
+    echo "$1" && make_root "$@" || { echo "     not played: no mirror of $1 is within reach" && return; }
+    played=1
     git clone -q --depth 1 "file://$KN_SOURCE" root/knead
     took "a root"
     network=$outside inside sh -c 'cd /knead && exec server/run --yes --once' 2>&1 </dev/null | silence run.log
@@ -26,7 +28,7 @@ play() {
     sed -n '/a virtual hand/,$p' run.log
     took "server/run"
     check "the press has its table" grep -qE '^ +peak +[0-9.]+ N' run.log
-    check "$(inside gcc --version | head -n 1) has no warning" sh -c '! grep warning: root/knead/build/release/build.log'
+    check "$(inside gcc --version | head -n 1) has no warning" sh -c '[ -s root/knead/build/release/build.log ] && ! grep warning: root/knead/build/release/build.log'
     network=$outside inside bash -c 'cd /knead && source tests/setup.sh && setup_install $(setup_missing gate)' >apt.log 2>&1
     check "the packages of tests/run are installed" [ $? = 0 ] || { tail -n 20 apt.log && return; }
     took "packages"
@@ -40,4 +42,5 @@ play trixie
 # Debian 12 has no package of Ubuntu's keys; without them the mirror is trusted
 [ -e /usr/share/keyrings/ubuntu-archive-keyring.gpg ] && trusted= || trusted='[trusted=yes] '
 play noble --include=apt "deb ${trusted}http://archive.ubuntu.com/ubuntu noble main universe"
+[ $played = 1 ] || skip "no mirror is within reach"
 exit $failed
