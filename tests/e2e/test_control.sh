@@ -12,7 +12,7 @@ end() { stop_kneadd; stop_logger; } # ends the log too
 press() { $ahead knead probe --path path.csv --quiet "$@" >/dev/null 2>hand.err & hand=$!; }
 
 expect 'knead ctl: control: No such file or directory: is kneadd running' 3 ctl status
-expect 'expected --control PATH of 1 to 107 bytes' 2 \
+expect '--control 0*: expected a path of 1 to 107 bytes' 2 \
     kneadd "$KN_SOURCE/core/scenes/dough-small.yaml" --control "$(printf '%0108d' 0)"
 touch file
 expect '--control file: exists and is not a socket' 3 \

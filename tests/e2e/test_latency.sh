@@ -16,19 +16,19 @@ END
 }
 expect 'knead latency: --slow: unknown option; --help lists them$' 2 knead latency "$small" --slow
 expect '--seconds 0: expected a time from 1 to 3600 s$' 2 knead latency "$small" --seconds 0
-expect '--contract 60: expected two times, like '60 us,150 us', or none$' 2 knead latency "$small" --contract 60
+expect '--contract 60: expected two times, like .60 us,150 us., or none$' 2 knead latency "$small" --contract 60
 expect '--phase lose: expected lock or free$' 2 knead latency "$small" --phase lose
 expect '--phase lose: expected lock or free$' 2 kneadd "$small" --phase lose
 expect 'nope.yaml:1:1: ' 2 knead latency nope.yaml
 expect 'no/where.png: ' 3 knead latency "$small" --png no/where.png
 expect 'no KNEAD_SCENE for 4 s: ' 3 knead latency --lcm-url 'udpm://239.255.76.67:7700?ttl=0'
-check "one second is measured" knead latency "$small" --seconds 1 --contract 1s,1s --drift 500 --json --png own.png >own.json
+check "one second is measured" eval 'knead latency "$small" --seconds 1 --contract 1s,1s --drift 500 --json --png own.png >own.json'
 cat out
 check "every pose is counted" counted own.json 1
 check "the plot is a PNG" eval 'head -c 4 own.png | grep -q PNG'
 start_kneadd dough-small.yaml --trace trace.csv
 check "an already running kneadd is measured" \
-    knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json >there.json
+    eval 'knead latency --lcm-url "udpm://239.255.76.67:7667?ttl=0" --seconds 1 --contract none --json >there.json'
 cat out
 check "for the running kneadd every pose is counted and no stage" counted there.json 0
 stop_kneadd

@@ -163,7 +163,7 @@ if night; then
 fi
 expect "two moments for three objects are refused" 2 '2 moments of 3 objects' knead view press.lcmlog press.lcmlog press.lcmlog --at 1,2 --png x.png
 expect "two moments of one recording are compared" 0 '^$' knead view press.lcmlog --at 1,2 --compare --png x2.png --size 960x180
-expect "an empty moment is refused" 2 'expected 1 to 4 moments separated by commas, each in seconds or end' knead view press.lcmlog --at 1,,2 --png x.png
+expect "an empty moment is refused" 2 'expected 1 to 4 times separated by commas' knead view press.lcmlog --at 1,,2 --png x.png
 expect "a recording is compared with itself" 0 '^$' knead view --compare press.lcmlog press.lcmlog --png same.png --size 960x240
 check "a recording is 0 mm apart from itself" grep -q '; up to 0 mm apart$' out
 expect "a comparison of three objects is refused" 2 'expected two objects, there are 3' knead view --compare press.lcmlog "$scene" "$scene" --png x.png

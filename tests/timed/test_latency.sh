@@ -44,7 +44,7 @@ check "the picture is a PNG" sh -c "head -c 4 lock.png | grep -q PNG"
 
 start_kneadd dough-small.yaml
 check "a kneadd that runs already is measured" \
-    knead latency --lcm-url 'udpm://239.255.76.67:7667?ttl=0' --seconds 1 --contract none --json >there.json
+    eval 'knead latency --lcm-url "udpm://239.255.76.67:7667?ttl=0" --seconds 1 --contract none --json >there.json'
 check "its forces echo" [ "$(of pose_to_force count there.json)" = 1000 ]
 check "its stages are its own" [ "$(of wait count there.json)" = 0 ]
 stop_kneadd
