@@ -5,6 +5,7 @@
 #include "clients/cli/plot.h"
 #include "clients/cli/result.h"
 #include "server/clock.h"
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,68 +30,39 @@ static void place(const kn_stability_atlas *a, int cell, int *map, int *column, 
 
 // --- survey ---------------------------------------------------------------------------------------------------------
 
-// Run the trial of a cell in a process of its own. Return the process id. If no process can be started, run the trial
-// here, which a death of the trial would not survive, and return 0.
-static pid_t start(const kn_stability_atlas *a, int cell)
+// Run the trial of a cell in a process of its own, so that the survey survives a death of the trial. A cell whose
+// process cannot be started or does not end well is DIED. Then the results of all solvers are discarded, because they
+// have not all been compared with the reference.
+static void try_cell(const kn_stability_atlas *a, int cell)
 {
-    int map, column, row;
-    kn_stability_trial trial;
-    pid_t child = fork();
-    if (child > 0) return child;
-    place(a, cell, &map, &column, &row);
-    bool ok = kn_stability_map_trial(&a->map[map], column, row, &trial) &&
-              kn_stability_trial_run(&trial, (1u << KN_WAYS) - 1, &a->cell[cell]);
-    kn_stability_trial_free(&trial);
-    if (child == 0) _exit(!ok);
-    return 0;
-}
-
-// Mark a cell as DIED, because the process of its trial ended. `status` tells why. The results of all solvers are
-// discarded, because they have not been compared with the reference yet.
-static void bury(const kn_stability_atlas *a, int cell, int status)
-{
+    int status = -1;
+    const pid_t child = fork();
+    if (child == 0) {
+        int map, column, row;
+        kn_stability_trial trial;
+        place(a, cell, &map, &column, &row);
+        _exit(!kn_stability_map_trial(&a->map[map], column, row, &trial) ||
+              !kn_stability_trial_run(&trial, (1u << KN_WAYS) - 1, &a->cell[cell]));
+    }
+    if (child > 0) waitpid(child, &status, 0);
+    if (status == 0) return;
+    const char *why = status == -1          ? strerror(errno)
+                      : WIFSIGNALED(status) ? strsignal(WTERMSIG(status))
+                                            : "out of memory";
     for (int w = 0; w < KN_WAYS; w++) {
         kn_score *s = &a->cell[cell].score[w];
         s->verdict = KN_STABILITY_TRIAL_DIED;
-        snprintf(s->reason, sizeof s->reason, "%s",
-                 WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "out of memory");
+        snprintf(s->reason, sizeof s->reason, "%s", why);
     }
 }
 
-// Run the trials of all cells, `jobs` at the same time.
-static void try_all(const kn_stability_atlas *a, int jobs)
-{
-    pid_t child[KN_STABILITY_ATLAS_JOBS_MAX] = {0};
-    int cell[KN_STABILITY_ATLAS_JOBS_MAX], next = 0, done = 0, status;
-    kn_progress bar = kn_progress_open("stability", cells_of(a));
-    // Empty the buffer of stdout before forking. Otherwise each child process would print the buffer again.
-    fflush(stdout);
-    while (done < cells_of(a)) {
-        for (int j = 0; j < jobs && next < cells_of(a); j++) {
-            if (child[j] > 0) continue;
-            cell[j] = next++;
-            child[j] = start(a, cell[j]);
-            done += child[j] == 0;
-        }
-        pid_t ended = waitpid(-1, &status, 0);
-        for (int j = 0; j < jobs && ended > 0; j++) {
-            if (child[j] != ended) continue;
-            if (status != 0) bury(a, cell[j], status);
-            child[j] = 0;
-            done++;
-        }
-        kn_progress_step(&bar, done);
-    }
-    kn_progress_close(&bar);
-}
-
-int kn_stability_atlas_survey(kn_stability_atlas *a, bool quick, const char *family, int jobs)
+int kn_stability_atlas_survey(kn_stability_atlas *a, bool quick, int family)
 {
     // Keep only the maps of `family`, and number the cells of these maps consecutively.
     int all = kn_stability_maps(a->map, quick);
     a->maps = a->first[0] = 0;
     for (int m = 0; m < all; m++) {
-        if (family && strcmp(a->map[m].family, family)) continue;
+        if (family >= 0 && a->map[m].family != family) continue;
         a->map[a->maps] = a->map[m];
         a->first[a->maps + 1] = a->first[a->maps] + a->map[m].columns * a->map[m].rows;
         a->maps++;
@@ -100,7 +72,14 @@ int kn_stability_atlas_survey(kn_stability_atlas *a, bool quick, const char *fam
     a->cell = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (a->cell == MAP_FAILED) return kn_complain("stability", KN_EXIT_DEVICE, "out of memory");
     const int64_t begin_ns = kn_now_ns();
-    try_all(a, jobs);
+    kn_progress bar = kn_progress_open("stability", cells_of(a));
+    // Empty the buffer of stdout before forking. Otherwise each child process would have a copy of it.
+    fflush(stdout);
+    for (int c = 0; c < cells_of(a); c++) {
+        try_cell(a, c);
+        kn_progress_step(&bar, c + 1);
+    }
+    kn_progress_close(&bar);
     a->seconds = 1e-9 * (double)(kn_now_ns() - begin_ns);
     return KN_EXIT_OK;
 }
@@ -160,7 +139,7 @@ static void print_table(const kn_stability_atlas *a)
     printf(" %8s %6s %8s\n", "coarse", "loose", "most");
     for (int m = 0, end; m < a->maps; m = end) {
         end = family_end(a, m);
-        print_counts(a, a->map[m].family, a->first[m], a->first[end]);
+        print_counts(a, kn_stability_families[a->map[m].family], a->first[m], a->first[end]);
     }
     // Print the total over all families only if there is more than one family.
     if (family_end(a, 0) < a->maps) print_counts(a, "all", 0, cells_of(a));
@@ -181,7 +160,7 @@ static void print_ticks(const kn_stability_map *m)
 static void print_map(const kn_stability_atlas *a, int map)
 {
     const kn_stability_map *m = &a->map[map];
-    printf("\n%s: %s\n%16s%s =", m->family, m->title, "", m->across);
+    printf("\n%s: %s\n%16s%s =", kn_stability_families[m->family], m->title, "", m->across);
     for (int i = 0; i < m->columns; i++) printf(" %g", m->x[i]);
     printf("\n");
     print_ticks(m);
@@ -229,7 +208,7 @@ static int print_bad(const kn_stability_atlas *a)
         place(a, c, &map, &i, &j);
         const kn_stability_map *m = &a->map[map];
         if (count++ == 0) printf("\nnot solved right by the default solver:\n");
-        printf("  %s, %s: %s %g, ", m->family, m->title, m->across, m->x[i]);
+        printf("  %s, %s: %s %g, ", kn_stability_families[m->family], m->title, m->across, m->x[i]);
         if (m->y_text[j]) printf("%s", m->y_text[j]);
         else printf("%s %g", m->down, m->y[j]);
         if (s->verdict == KN_STABILITY_TRIAL_DIED) {
@@ -271,7 +250,8 @@ int kn_stability_atlas_write(const kn_stability_atlas *a, const char *path)
         const kn_stability_map *m = &a->map[map];
         for (int w = 0; w < KN_WAYS; w++) {
             const kn_score *s = &a->cell[c].score[w];
-            fprintf(f, "%s,\"%s\",\"%s\",%g,\"%s\",", m->family, m->title, m->across, m->x[i], m->down);
+            fprintf(f, "%s,\"%s\",\"%s\",%g,\"%s\",", kn_stability_families[m->family], m->title, m->across, m->x[i],
+                    m->down);
             if (m->y_text[j]) fprintf(f, "\"%s\",", m->y_text[j]);
             else fprintf(f, "%g,", m->y[j]);
             fprintf(f, "%s,%s,%.4g,%.4g,%.4g,%.4g,%d,\"%s\"\n", kn_way_name[w], kn_judgement_name[s->verdict], s->force,

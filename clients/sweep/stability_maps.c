@@ -294,34 +294,14 @@ static bool make_size(const kn_stability_map *c, int i, int j, kn_stability_tria
 
 // --- maps ---------------------------------------------------------------------------------------------------------
 
-typedef struct family {
-    const char *name, *about;
-    bool (*make)(const kn_stability_map *c, int column, int row, kn_stability_trial *t);
-} family;
-
 enum { F_K1, F_C1, F_C2, F_MASS, F_PAIR, F_LIMIT, F_BAR, F_ASPECT, F_SLIVER, F_SQUASH, F_GAS, F_JUMP, F_MIXED, F_SIZE };
 
-static const family families[] = {
-    [F_K1] = {"k1", "stiffness k1 of the spring, 1e-6 to 1e6 times dough's, at every time step", make_scale},
-    [F_C1] = {"c1", "damper c1 parallel to the spring, scaled like k1", make_scale},
-    [F_C2] = {"c2", "damper c2 in series, scaled like k1", make_scale},
-    [F_MASS] = {"mass", "the density", make_scale},
-    [F_PAIR] = {"pairs", "two of k1, c1, c2 and mass scaled at once, 1 ms steps", make_pair},
-    [F_LIMIT] = {"limits", "materials with a parameter of zero, a linear damper or stops", make_limit},
-    [F_BAR] = {"bar", "a single edge or a single node", make_bar},
-    [F_ASPECT] = {"aspect", "tetrahedra elongated or flattened", make_aspect},
-    [F_SLIVER] = {"sliver", "tetrahedra of almost no volume", make_sliver},
-    [F_SQUASH] = {"squash", "compression up to 95 %", make_squash},
-    [F_GAS] = {"gas", "gas cells that start at zero volume or inside out", make_gas},
-    [F_JUMP] = {"jump", "a tool pose displaced by up to 10 cm for three steps", make_jump},
-    [F_MIXED] = {"mixed", "all parameters at random over ten decades", make_mixed},
-    [F_SIZE] = {"size", "finer blocks, stiffer springs", make_size},
-};
+const char *const kn_stability_families[] = {"k1",     "c1",     "c2",     "mass", "pairs", "limits", "bar",
+                                             "aspect", "sliver", "squash", "gas",  "jump",  "mixed",  "size"};
 
-const char *const kn_stability_families[] = {"k1",     "c1",     "c2",  "mass", "pairs", "limits", "bar", "aspect",
-                                             "sliver", "squash", "gas", "jump", "mixed", "size",   NULL};
-
-const char *kn_stability_family_about(int f) { return families[f].about; }
+static bool (*const make[])(const kn_stability_map *c, int column, int row, kn_stability_trial *t) = {
+    make_scale,  make_scale,  make_scale,  make_scale, make_pair, make_limit, make_bar,
+    make_aspect, make_sliver, make_squash, make_gas,   make_jump, make_mixed, make_size};
 
 typedef struct list {
     kn_stability_map *map;
@@ -339,7 +319,7 @@ __attribute__((format(printf, 6, 7))) static kn_stability_map *add(list *l, int 
                                                                    const char *down, const char *title, ...)
 {
     kn_stability_map *c = &l->map[l->count++];
-    *c = (kn_stability_map){.family = families[f].name, .across = across, .down = down, .variant = variant};
+    *c = (kn_stability_map){.family = f, .across = across, .down = down, .variant = variant};
     va_list args;
     va_start(args, title);
     vsnprintf(c->title, sizeof c->title, title, args);
@@ -492,7 +472,5 @@ int kn_stability_maps(kn_stability_map maps[KN_STABILITY_MAPS_MAX], bool quick)
 
 bool kn_stability_map_trial(const kn_stability_map *map, int column, int row, kn_stability_trial *trial)
 {
-    for (int f = 0; f < COUNT(families); f++)
-        if (!strcmp(families[f].name, map->family)) return families[f].make(map, column, row, trial);
-    return false;
+    return make[map->family](map, column, row, trial);
 }

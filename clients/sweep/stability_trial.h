@@ -63,7 +63,7 @@ typedef enum kn_judgement {
     KN_STABILITY_TRIAL_CHATTERING,
     KN_STABILITY_TRIAL_WRONG,
     KN_STABILITY_TRIAL_DIVERGED,
-    KN_STABILITY_TRIAL_DIED, // the process of the trial ended before the result was judged
+    KN_STABILITY_TRIAL_DIED, // the process of the trial ended before the result was judged, or could not be started
     KN_JUDGEMENTS
 } kn_judgement;
 
@@ -104,7 +104,7 @@ void kn_stability_trial_free(kn_stability_trial *trial);
 #define KN_STABILITY_MAPS_MAX 96
 
 typedef struct kn_stability_map {
-    const char *family;
+    int family; // index into kn_stability_families
     char title[80];
     // across: name of the parameter that changes from column to column. down: name of the parameter that changes from
     // row to row.
@@ -116,10 +116,8 @@ typedef struct kn_stability_map {
     int variant;
 } kn_stability_map;
 
-// Names of the families of maps, NULL-terminated, in the order of the maps.
+// Names of the families of maps, in the order of the maps.
 extern const char *const kn_stability_families[];
-// Return a description of a family of maps in one line.
-const char *kn_stability_family_about(int family);
 
 // Fill `maps` with all maps and return their number. If `quick` is true, each map has fewer cells.
 int kn_stability_maps(kn_stability_map maps[KN_STABILITY_MAPS_MAX], bool quick);
@@ -129,9 +127,7 @@ int kn_stability_maps(kn_stability_map maps[KN_STABILITY_MAPS_MAX], bool quick);
 bool kn_stability_map_trial(const kn_stability_map *map, int column, int row, kn_stability_trial *trial);
 
 // Atlas: all maps with the outcome of every cell. The trial of each cell runs in a process of its own. Afterwards the
-// maps are printed, written to a file and drawn. Text and files do not depend on the number of processes.
-
-#define KN_STABILITY_ATLAS_JOBS_MAX 256
+// maps are printed, written to a file and drawn.
 
 typedef struct kn_stability_atlas {
     kn_stability_map map[KN_STABILITY_MAPS_MAX];
@@ -139,15 +135,15 @@ typedef struct kn_stability_atlas {
     // Index of the first cell of each map, followed by the total number of cells. The cells of a map are numbered row
     // by row, from left to right.
     int first[KN_STABILITY_MAPS_MAX + 1];
-    kn_outcome *cell; // outcome of each cell, in memory that all processes share
+    kn_outcome *cell; // outcome of each cell, in memory that the processes of the trials share
     double seconds;   // wall-clock duration of the survey of all cells, s
 } kn_stability_atlas;
 
 // The kn_stability_atlas functions that return int return an exit code. On failure they print one line on stderr.
 
-// Run the trials of all cells in `jobs` parallel processes. If `quick` is true, each map has fewer cells. Only maps of
-// the family `family` are included, or all maps if it is NULL.
-int kn_stability_atlas_survey(kn_stability_atlas *atlas, bool quick, const char *family, int jobs);
+// Run the trials of all cells, one after the other. If `quick` is true, each map has fewer cells. Only maps of the
+// family with the index `family` are included, or all maps if it is negative.
+int kn_stability_atlas_survey(kn_stability_atlas *atlas, bool quick, int family);
 void kn_stability_atlas_free(kn_stability_atlas *atlas);
 
 // Print the table of the outcomes, the maps and remarks on single cells. Return true if, in every cell, the default

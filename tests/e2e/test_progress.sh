@@ -19,7 +19,7 @@ bar replay knead replay press.lcmlog
 bar export knead export press.lcmlog --csv press.csv
 if [ -n "${KN_NIGHT:-}" ]; then
     bar relax knead relax dough --lattice 3x3x3 --ramp 10%/s --hold 60
-    bar stability knead stability --quick --family bar --jobs 1
+    bar stability knead stability --quick --family bar
     bar zwidth knead zwidth --quick
     bar tradeoff knead tradeoff "$KN_SOURCE/core/scenes/dough-small.yaml" press.lcmlog --quick --solver blend --iterations 4 --precision f32
 fi
