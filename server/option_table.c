@@ -31,27 +31,6 @@ bool kn_number_take(const char *text, double low, double high, double *value)
     return !strchr(text, ' ') && kn_quantity_read(text, "", true, low, high, value);
 }
 
-static const char digits[] = "0123456789";
-
-bool kn_number_pair(const char *text, int *first, int *second)
-{
-    const size_t n = strspn(text, digits);
-    if (n < 1 || n > 5 || text[n] != 'x') return false;
-    const char *next = text + n + 1;
-    const size_t m = strspn(next, digits);
-    if (m < 1 || m > 5 || next[m]) return false;
-    *first = atoi(text);
-    *second = atoi(next);
-    return true;
-}
-
-static bool take_real(const char *text, double least, double most, double *value)
-{
-    char *end;
-    *value = strtod(text, &end);
-    return end != text && !*end && *value >= least && *value <= most;
-}
-
 static bool take_integer(const kn_option *o, const char *text, int *value)
 {
     char *end;
@@ -78,16 +57,11 @@ static bool store(const kn_option *o, char *to, const char *text)
     int index = 0;
     switch (o->kind) {
     case KN_OPTION_FLAG: return *(bool *)field = true;
-    case KN_OPTION_SET: return *(int *)field = (int)o->least, true;
     case KN_OPTION_CALL:
     case KN_OPTION_ANSWER: return o->call(), true;
     case KN_OPTION_TEXT: return *(const char **)field = text, true;
     case KN_OPTION_NUMBER: return kn_number_take(text, least, most, field);
-    case KN_OPTION_REAL: return take_real(text, least, most, field);
     case KN_OPTION_INTEGER: return take_integer(o, text, field);
-    case KN_OPTION_DIGITS:
-        index = (int)strspn(text, digits);
-        return index >= 1 && index <= 7 && !text[index] && take_integer(o, text, field);
     case KN_OPTION_QUANTITY:
         return kn_quantity_read(text, o->unit, !strcmp(o->unit, "s") || !strcmp(o->unit, "1"), least, most, field);
     case KN_OPTION_CHOICE: return (*(int *)field = kn_choice_of(o->unit, text)) >= 0;

@@ -28,15 +28,12 @@
 
 typedef enum kn_option_kind { // type of an option's field in the struct, and values that the option accepts
     KN_OPTION_FLAG,           // bool: true if the option is given; it has no value
-    KN_OPTION_SET,            // int: set to `least`; the option has no value
     KN_OPTION_CALL,           // no field: the function `call` is called; the option has no value
     KN_OPTION_ANSWER,         // no field: `call` prints an answer, then the program ends with exit code 0; no value
     KN_OPTION_RENAMED,        // no field: the option is refused, and the message names the new spelling `expected`
     KN_OPTION_TEXT,           // const char *: the text itself
     KN_OPTION_NUMBER,         // double: a number without unit, as in a scene (kn_number_take)
-    KN_OPTION_REAL,           // double: a number that strtod accepts
     KN_OPTION_INTEGER,        // int: a decimal number, which may have a sign
-    KN_OPTION_DIGITS,         // int: 1 to 7 decimal digits
     // Double: a quantity in the dimension of `unit`; a number without a unit only if `unit` is "s" or "1".
     KN_OPTION_QUANTITY,
     KN_OPTION_CHOICE, // int or enum: index of a word in the list `unit`, "a|b|c"
@@ -54,8 +51,8 @@ typedef struct kn_option {
     // Text after "expected" in the message on an invalid value; NULL: made from the row, or by `take`.
     const char *expected;
     const char *unit;
-    // Range of a number, in SI units. Both 0: the number must be above 0. INTEGER and DIGITS need a range. SET: `least`
-    // is the value that is stored. LIST: `most` is the size of the list.
+    // Range of a number, in SI units. Both 0: the number must be above 0. INTEGER needs a range. LIST: `most` is the
+    // size of the list.
     double least, most;
     // SPECIAL: store the value and return NULL. If the value is invalid, return the text after "expected" in the
     // message. A text `expected` in the row replaces the returned text.
@@ -105,9 +102,5 @@ bool kn_quantity_read(const char *text, const char *unit, bool bare, double leas
 // Parse `text` into *value: a number without a unit, written as in a scene: "2", "-0.5", "1e-3". Return false if `text`
 // is not a number (blanks, "0x2" and "inf" are refused), or if the number is outside `low`..`high`.
 bool kn_number_take(const char *text, double low, double high, double *value);
-
-// Parse a pair such as "1280x720": two whole numbers of up to 5 digits, separated by "x". Return false for any other
-// text.
-bool kn_number_pair(const char *text, int *first, int *second);
 
 #endif

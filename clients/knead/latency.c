@@ -82,7 +82,7 @@ static int parse(options *o, int argc, char **argv)
         KN_OPTION("phase", TEXT, AT(phase)),
         KN_OPTION("lcm-url", TEXT, AT(url)),
         KN_OPTION("contract", SPECIAL, AT(contract_us), .take = take_contract),
-        KN_OPTION("drift", REAL, AT(drift_ppm), KN_RANGE(-1000, 1000)),
+        KN_OPTION("drift", NUMBER, AT(drift_ppm), KN_RANGE(-1000, 1000)),
         KN_OPTION("json", CALL, .call = kn_result_open),
         KN_OPTION("png", TEXT, AT(png)),
         KN_OPTION("plot", RENAMED, .expected = "--png FILE"),

@@ -73,8 +73,11 @@ static const char help[] =
 static const char *take_size(void *options, const char *text)
 {
     kn_view_options *o = options;
-    const bool good = kn_number_pair(text, &o->width, &o->height) && o->width >= KN_OFFSCREEN_MIN &&
-                      o->width <= KN_OFFSCREEN_MAX && o->height >= KN_OFFSCREEN_MIN && o->height <= KN_OFFSCREEN_MAX;
+    int end = 0;
+    const bool good = !text[strspn(text, "0123456789x")] &&
+                      sscanf(text, "%5dx%5d%n", &o->width, &o->height, &end) == 2 && !text[end] &&
+                      o->width >= KN_OFFSCREEN_MIN && o->width <= KN_OFFSCREEN_MAX && o->height >= KN_OFFSCREEN_MIN &&
+                      o->height <= KN_OFFSCREEN_MAX;
     return good ? NULL : "WxH, 16..4096 pixels on each side, e.g. 1280x720";
 }
 

@@ -378,7 +378,7 @@ static int parse(kn_web *w, int argc, char **argv)
     static const kn_option rows[] = {
         KN_OPTION("address", SPECIAL, AT(host), .take = take_address),
         KN_OPTION("probe", TEXT, AT(probe)),
-        KN_OPTION("port", DIGITS, AT(port), KN_RANGE(0, 65535), .expected = "a port, 0..65535"),
+        KN_OPTION("port", INTEGER, AT(port), KN_RANGE(0, 65535), .expected = "a port, 0..65535"),
         KN_OPTION("bind", FLAG, AT(bind)),
         KN_OPTION("control", TEXT, AT(control), .expected = "a path"),
         KN_OPTION("lcm-url", TEXT, AT(url)),

@@ -57,7 +57,7 @@ if command -v gnuplot >/dev/null; then
 fi
 
 refuses 2 "knead identify relax: expected a file of readings, CSV; --help lists its columns" identify relax
-refuses 2 "knead identify relax: --noise loud: expected constant or relative" identify relax hold.csv --noise loud
+refuses 2 "knead identify relax: --noise loud: expected relative or constant" identify relax hold.csv --noise loud
 refuses 2 "knead identify relax: --load: unknown option; --help lists them" identify relax hold.csv --load 5gf
 refuses 2 "knead identify relax: --strain 150%: expected a share of the height like 10% or 0.1, up to 90 %" identify relax hold.csv --strain 150%
 awk 'BEGIN { print "# strain: 10 %\ntime [s],stress [Pa]"; for (i = 1; i < 90; i++) printf "%d,%.1f\n", i, i < 30 ? 1000 : 500 }' >drop.csv
