@@ -392,11 +392,11 @@ static int run(sweep *s)
     if (code != KN_EXIT_OK) return code;
     s->crew.plan = &s->plan;
     s->crew.resume = s->opt.resume;
+    s->crew.trace = s->traces;
     s->crew.jobs.engine = s->opt.engine;
     code = kn_sweep_runs_open(&s->crew);
     if (code == KN_EXIT_OK) print_begin(s);
     if (code == KN_EXIT_OK) code = kn_sweep_runs_play(&s->crew);
-    if (code == KN_EXIT_OK) code = kn_sweep_runs_load(&s->crew, s->traces);
     if (code == KN_EXIT_OK) code = report(s);
     kn_jobs_close(&s->crew.jobs);
     return code;
@@ -411,8 +411,9 @@ int kn_tradeoff_main(int argc, char **argv)
     const kn_replay_def job = {
         .log_path = o->log, .scene_path = o->scene, .sets = o->sets, .set_count = o->set_count, .afresh = true};
     // --job is set when an engine runs this program for a single run.
-    if (code == KN_OPTIONS_READ) code = o->job ? kn_sweep_job_play(o->job, &job) : run(s);
-    for (int i = 0; i < s->plan.count; i++) kn_replay_trace_free(&s->traces[i]);
+    if (o->job) kn_jobs_begin();
+    if (code == KN_OPTIONS_READ) code = o->job ? kn_sweep_run_play(&s->crew, o->job, &job, s->traces) : run(s);
+    for (int i = 0; i < KN_SWEEP_RUNS_MAX; i++) kn_replay_trace_free(&s->traces[i]);
     kn_sweep_plan_close(&s->plan);
     free(s);
     return code;

@@ -20,20 +20,11 @@ static const char *trace_of(const kn_sweep_run *run, char name[32])
     return name;
 }
 
-// Load the trace of a run from the folder.
-static bool load(const kn_sweep_runs *c, const kn_sweep_run *run, kn_replay_trace *t)
+// Load the trace of run i from the folder. Return false if it is missing or damaged.
+static bool load(kn_sweep_runs *c, int i)
 {
     char path[PATH_MAX], name[32];
-    return kn_replay_trace_load(t, kn_jobs_path(&c->jobs, trace_of(run, name), path));
-}
-
-// Return true if a run must still be replayed.
-static bool is_missing(const kn_sweep_runs *c, const kn_sweep_run *run)
-{
-    kn_replay_trace t;
-    const bool found = load(c, run, &t);
-    kn_replay_trace_free(&t);
-    return !found;
+    return kn_replay_trace_load(&c->trace[i], kn_jobs_path(&c->jobs, trace_of(&c->plan->run[i], name), path));
 }
 
 // Write the scene into the folder, and a link to the log, so that a job finds both under the same names on every host.
@@ -86,82 +77,47 @@ int kn_sweep_runs_open(kn_sweep_runs *c)
     if (code == KN_EXIT_OK && !write_inputs(c))
         code = kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", c->jobs.folder, strerror(errno));
     if (code == KN_EXIT_OK) code = try_log(c);
-    // Count the runs whose traces an earlier call of the same sweep has left in the folder.
-    for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += !is_missing(c, &c->plan->run[i]);
+    // Load the traces that an earlier call of the same sweep has left in the folder.
+    for (int i = 0; i < c->plan->count && code == KN_EXIT_OK; i++) c->kept += load(c, i);
     return code;
 }
 
-// Replay a log and save the trace. first: trace of an earlier replay of the same run in this serial pass, or NULL. The
-// shorter of the two times of each tick counts. c: NULL in the process of a job, where times are not valid.
-static int play(kn_sweep_runs *c, const char *path, const kn_replay_def *def, const kn_replay_trace *first)
+int kn_sweep_run_play(kn_sweep_runs *c, const char *path, const kn_replay_def *def, kn_replay_trace *trace)
 {
     char error[512];
     kn_replay_trace t;
+    const bool again = trace->ticks > 0 && trace->sitting == c->sitting; // `trace` is of this serial pass
     if (!kn_replay_trace_play(&t, def, error, sizeof error))
         return kn_interrupted ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
-    t.sitting = c ? c->sitting : 0;
-    if (first) {
+    t.sitting = c->sitting;
+    if (again) {
         // Count the point as unsteady if its two measured times differ so much that the machine must have been busy
         // with other work.
-        double ratio = t.median_us / first->median_us;
+        double ratio = t.median_us / trace->median_us;
         c->timed++;
         c->unsteady += ratio > UNSTEADY || ratio < 1 / UNSTEADY;
     }
-    bool saved = (!first || kn_replay_trace_calm(&t, first)) && kn_replay_trace_save(&t, path);
-    kn_replay_trace_free(&t);
+    bool saved = (!again || kn_replay_trace_calm(&t, trace)) && kn_replay_trace_save(&t, path);
+    kn_replay_trace_free(trace);
+    *trace = t;
     return saved ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-}
-
-int kn_sweep_job_play(const char *trace, const kn_replay_def *def)
-{
-    kn_jobs_begin();
-    return play(NULL, trace, def, NULL);
-}
-
-// Replay a log and save the trace. first: trace of an earlier replay of the same run in this serial pass, or NULL. The
-// shorter of the two times of each tick counts. c: NULL in the process of a job, where times are not valid.
-static int play(kn_sweep_runs *c, const char *path, const kn_replay_def *def, const kn_replay_trace *first)
-{
-    char error[512];
-    kn_replay_trace t;
-    if (!kn_replay_trace_play(&t, def, error, sizeof error))
-        return kn_interrupted ? KN_EXIT_DEVICE : kn_complain("tradeoff", KN_EXIT_USAGE, "%s", error);
-    t.sitting = c ? c->sitting : 0;
-    if (first) {
-        // Count the point as unsteady if its two measured times differ so much that the machine must have been busy
-        // with other work.
-        double ratio = t.median_us / first->median_us;
-        c->timed++;
-        c->unsteady += ratio > UNSTEADY || ratio < 1 / UNSTEADY;
-    }
-    bool saved = (!first || kn_replay_trace_calm(&t, first)) && kn_replay_trace_save(&t, path);
-    kn_replay_trace_free(&t);
-    return saved ? KN_EXIT_OK : kn_complain("tradeoff", KN_EXIT_DEVICE, "%s: %s", path, strerror(errno));
-}
-
-int kn_sweep_job_play(const char *trace, const kn_replay_def *def)
-{
-    kn_jobs_begin();
-    return play(NULL, trace, def, NULL);
 }
 
 // ---- one at a time
 
-// Replay a run in this process if that is necessary. In the first pass these are the missing runs, and the points
-// without valid times, because they were replayed in parallel with others. In the second pass, `again`, these are the
-// points that were replayed in the first pass, minutes ago.
-static int play_here(kn_sweep_runs *c, const kn_sweep_run *run, bool again)
+// Load or replay run i. An engine, or a run of another role with the same id, may have left its trace in the folder. In
+// the first pass the missing runs are replayed, and the points without valid times, because they were replayed in
+// parallel with others. In the second pass, `again`, these are the points that were replayed in the first pass, minutes
+// ago.
+static int play_here(kn_sweep_runs *c, int i, bool again)
 {
     char path[PATH_MAX], name[32], scene[PATH_MAX];
     kn_sweep_run_sets sets;
-    kn_replay_trace first;
+    const kn_sweep_run *run = &c->plan->run[i];
     const kn_replay_def def = replay_of(c, run, &sets, scene);
-    const bool found = load(c, run, &first), point = run->role == KN_ROLE_POINT;
-    const bool due = again ? found && point && first.sitting == c->sitting : !found || (point && first.sitting == 0);
-    kn_jobs_path(&c->jobs, trace_of(run, name), path);
-    int code = due ? play(c, path, &def, again ? &first : NULL) : KN_EXIT_OK;
-    kn_replay_trace_free(&first);
-    return code;
+    const bool found = c->trace[i].ticks > 0 || load(c, i), point = run->role == KN_ROLE_POINT;
+    if (found && !(point && c->trace[i].sitting == (again ? c->sitting : 0))) return KN_EXIT_OK;
+    return kn_sweep_run_play(c, kn_jobs_path(&c->jobs, trace_of(run, name), path), &def, &c->trace[i]);
 }
 
 static int play_serially(kn_sweep_runs *c)
@@ -171,7 +127,7 @@ static int play_serially(kn_sweep_runs *c)
     kn_progress bar = kn_progress_open("tradeoff", 2 * runs); // the bar counts the runs of both passes
     for (int i = 0; i < 2 * runs && code == KN_EXIT_OK; i++) {
         kn_progress_step(&bar, i);
-        code = play_here(c, &c->plan->run[i % runs], i >= runs);
+        code = play_here(c, i % runs, i >= runs);
     }
     kn_progress_close(&bar);
     return code;
@@ -215,7 +171,7 @@ static int play_by_engine(kn_sweep_runs *c)
     for (int role = KN_ROLE_FINE; role >= KN_ROLE_POINT; role--)
         for (int i = c->plan->count - 1; i >= 0; i--) {
             const kn_sweep_run *run = &c->plan->run[i];
-            if ((int)run->role == role && is_missing(c, run)) add_job(c, run);
+            if ((int)run->role == role && c->trace[i].ticks == 0) add_job(c, run);
         }
     return kn_jobs_play(&c->jobs);
 }
@@ -229,13 +185,4 @@ int kn_sweep_runs_play(kn_sweep_runs *c)
     // or without valid times, because times are valid only if the runs are replayed one at a time.
     if (!kn_jobs_here(&c->jobs.engine)) code = play_by_engine(c);
     return code == KN_EXIT_OK ? play_serially(c) : code;
-}
-
-int kn_sweep_runs_load(const kn_sweep_runs *c, kn_replay_trace *traces)
-{
-    for (int i = 0; i < c->plan->count; i++)
-        if (!load(c, &c->plan->run[i], &traces[i]))
-            return kn_complain("tradeoff", KN_EXIT_DEVICE, "%s/%s.trace: is damaged or missing", c->jobs.folder,
-                               c->plan->run[i].id);
-    return KN_EXIT_OK;
 }

@@ -18,15 +18,13 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-// Replay one run in the process of a job (`knead tradeoff --job TRACE SCENE LOG`), and save its trace.
-int kn_sweep_job_play(const char *trace, const kn_replay_def *def);
-
 typedef struct kn_sweep_runs {
     const kn_sweep_plan *plan;
-    const char *resume; // folder of the traces, which is kept at the end; NULL: use a temporary folder
-    kn_jobs jobs;       // folder, and the engine that the caller sets
-    int64_t sitting;    // wall-clock time at the start of this serial pass, ns; identifies the pass
-    int kept;           // number of runs whose traces an earlier call has left in the folder
+    const char *resume;     // folder of the traces, which is kept at the end; NULL: use a temporary folder
+    kn_replay_trace *trace; // [number of runs], zeroed and later freed by the caller; the traces of the runs
+    kn_jobs jobs;           // folder, and the engine that the caller sets
+    int64_t sitting;        // wall-clock time at the start of this serial pass, ns; identifies the pass
+    int kept;               // number of runs whose traces an earlier call has left in the folder
     // timed: number of points that were timed twice in this serial pass. unsteady: number of those points whose two
     // times differ by more than 15 %.
     int timed, unsteady;
@@ -34,10 +32,15 @@ typedef struct kn_sweep_runs {
 
 // All functions of this header that return int return an exit code. On failure they print one line on stderr.
 
-// Open the folder. The caller has set plan, resume and jobs.engine. It calls kn_jobs_close even after a failure.
+// Open the folder. The caller has set plan, resume, trace and jobs.engine. It calls kn_jobs_close even after a failure.
 int kn_sweep_runs_open(kn_sweep_runs *crew);
+// Replay the runs whose traces are missing, and measure the times of the points. Then `trace` has the traces of all
+// runs.
 int kn_sweep_runs_play(kn_sweep_runs *crew);
-// Load the traces of all runs into traces[number of runs], which the caller has zeroed.
-int kn_sweep_runs_load(const kn_sweep_runs *crew, kn_replay_trace *traces);
+
+// Replay one run into *trace, and save the trace in the file `path`. If *trace is an earlier replay of the same run in
+// this serial pass, the shorter of the two times of each tick counts. A job (`knead tradeoff --job TRACE SCENE LOG`)
+// passes a zeroed `crew`: its times are not valid.
+int kn_sweep_run_play(kn_sweep_runs *crew, const char *path, const kn_replay_def *def, kn_replay_trace *trace);
 
 #endif
