@@ -32,12 +32,9 @@ def _copied(pointer, dtype, *shape):
 
 def _scene_file(name):
     """Return the file of the scene `name` that comes with Knead; return `name` itself if there is no such scene."""
-    places = [os.environ.get('KNEAD_SCENES')]
-    if not places[0]:
-        program = os.path.dirname(os.path.realpath(shutil.which('kneadd') or '/usr/bin/kneadd'))
-        places = [f'{program}/../share/knead/scenes', f'{program}/../../../core/scenes']
-    files = [f'{place}/{name}.yaml' for place in places]
-    return name if os.path.exists(name) else next(filter(os.path.exists, files), name)
+    program = os.path.dirname(os.path.realpath(shutil.which('kneadd') or '/usr/bin/kneadd'))
+    places = os.environ.get('KNEAD_SCENES') or f'{program}/../share/knead/scenes', f'{program}/../../../core/scenes'
+    return next(filter(os.path.exists, [name, *(f'{place}/{name}.yaml' for place in places)]), name)
 
 
 class Scene:
