@@ -3,9 +3,9 @@
 #
 #     source <(knead completion)     for this shell; `cmake --install` puts this file where bash-completion finds it
 #
-# Subcommands are read from `knead --help`. Options are read from the usage lines of a help text, and from the lines that
-# begin with an option. The values of an option are read from a list "a|b|c" after the option, or from a list like
-# "blend, secant or tangent" at the beginning of its explanation. All other arguments are completed as file names.
+# Subcommands are read from `knead --help`. Options are read from the lines of a help text that begin with an option. The
+# values of an option are read from a word or a list "a|b|c" after the option, or from a list like "blend, secant or
+# tangent" at the beginning of its explanation. All other arguments are completed as file names.
 
 # Read a help text from stdin. Print a line "--option value value ..." for each option, and a line with one word for each
 # subcommand or other word without a dash.
@@ -35,12 +35,6 @@ _knead_parse() {
     /^usage:/ { usage = 1 }
     usage && NF == 0 { usage = 0 }
     usage {
-        text = $0
-        while (match(text, /--[a-z][a-z0-9-]*/)) {
-            option = substr(text, RSTART, RLENGTH)
-            text = substr(text, RSTART + RLENGTH)
-            print option choices(substr(text, 2))
-        }
         commands = commands || / COMMAND \[/
         if (match($0, / \[[a-z]+\|[a-z|]+\]/)) { # a list like "[bash|zsh]" that belongs to no option
             n = split(substr($0, RSTART + 2, RLENGTH - 3), item, "|")
@@ -58,6 +52,7 @@ _knead_parse() {
         right = at ? substr(text, at + RLENGTH) : ""
         values = ""
         if (match(left, / [a-zA-Z0-9_]+\|/)) values = choices(substr(left, RSTART + 1))
+        else if (left ~ /^--[a-z-]+ [a-z]+$/) values = substr(left, index(left, " ")) # a line per value
         else if (left ~ / [A-Z]+$/ && left !~ /URL|FILE|DIR|PATH|TIME/) values = listed(right)
         options(left, values)
         next

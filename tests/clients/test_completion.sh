@@ -33,6 +33,7 @@ is "end" knead export --at ""
 is "end" knead view --at e
 is "bash zsh" knead completion ""
 is "gmsh tetgen" knead mesh --tool ""
+is "poke press sine" knead probe --path ""
 is "set snapshot status stop" knead ctl --json s
 is "auto off require" kneadd --realtime ""
 is "auto off require" kneadd --realtime = ""
