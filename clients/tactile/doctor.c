@@ -272,7 +272,7 @@ static void look_at_devices(findings *f, const char *root)
 // --- measurement of wake-up lateness ---
 
 typedef struct wakes {
-    int seconds;
+    int ticks; // milliseconds to measure
     // count: number of wake-ups; missed: number of missed ticks; late_ns: lateness of each wake-up.
     int64_t count, missed, late_ns[];
 } wakes;
@@ -283,23 +283,23 @@ static void *sleep_by_milliseconds(void *arg)
     wakes *w = arg;
     kn_clock clock;
     kn_clock_start(&clock, kn_now_ns() + KN_PERIOD_NS);
-    for (kn_wake wake = {0}; wake.tick < 1000 * w->seconds;) {
+    for (kn_wake wake = {0}; wake.tick < w->ticks;) {
         wake = kn_clock_wait(&clock);
         w->missed += wake.missed;
-        if (w->count < 1000 * w->seconds) w->late_ns[w->count++] = wake.late_ns;
+        if (w->count < w->ticks) w->late_ns[w->count++] = wake.late_ns;
     }
     return NULL;
 }
 
 // Run the measuring loop in a real-time thread. The check fails if too many ticks were missed, or if the 99th
 // percentile (p99) of the lateness is too high.
-static void measure(findings *f, int seconds)
+static void measure(findings *f, int ticks)
 {
     kn_rt rt;
     pthread_t thread;
-    wakes *w = calloc(1, sizeof *w + (size_t)seconds * 1000 * sizeof w->late_ns[0]);
+    wakes *w = calloc(1, sizeof *w + (size_t)ticks * sizeof w->late_ns[0]);
     if (!w) return;
-    w->seconds = seconds;
+    w->ticks = ticks;
     kn_rt_enter(&rt, KN_RT_AUTO);
     if (kn_rt_thread(&rt, &thread, "doctor", KN_RT_SERVO, KN_RT_CPU_SERVO, sleep_by_milliseconds, w) == 0) {
         pthread_join(thread, NULL);
@@ -309,8 +309,8 @@ static void measure(findings *f, int seconds)
         // A tick with an ordinary object takes half a millisecond. So a wake-up may be late by the other half of the
         // millisecond.
         check *c = add(f, "wakes", w->missed * 1000 <= w->count && p99 <= 500,
-                       "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (maximum)",
-                       1000 * seconds, w->missed, p50, p99, most);
+                       "of %d, %" PRId64 " missed; late by %.0f us (p50), %.0f us (p99), %.2f ms (maximum)", ticks,
+                       w->missed, p50, p99, most);
         fix(c, "%s",
             rt.fifo ? "run kneadd on a machine with PREEMPT_RT and no other real-time work; a virtual machine stops "
                       "while its host does other work"
@@ -389,7 +389,7 @@ int kn_doctor_main(int argc, char **argv)
     look_at_bus(&f);
     look_at_processor(&f);
     look_at_devices(&f, o.root);
-    measure(&f, (int)o.seconds);
+    measure(&f, (int)(1000 * o.seconds + 0.5));
     measure_threads(&f);
     if (o.json) code = print_json(&f);
     else print_lines(&f);
