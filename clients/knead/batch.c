@@ -36,9 +36,10 @@ static const char help[] =
     "after an interruption. A line is played again if it, a file or scene that it names, or knead itself has changed "
     "since.\n\n"
     "options:\n"
-    "  --out TABLE.csv    the table\n" KN_JOBS_HELP "  --send FILE        with --hosts: also send this file, such as "
-    "the mesh of a scene. The files that the lines name\n"
-    "                     are sent in any case. All of them have to be in this folder or below\n\n"
+    "  --out TABLE.csv    the table\n" KN_JOBS_HELP
+    "  --send FILE        with --hosts: also send this file, such as the mesh of a scene. The files that the lines\n"
+    "                     name are sent in any case. All of them have to be in this folder or below. Files that\n"
+    "                     a command writes stay on the host, and only its row returns\n\n"
     "Examples:\n"
     "    for m in dough clay; do for g in 20 50; do echo creep $m --load ${g}gf; done; done >list\n"
     "    knead batch list --out creep.csv --jobs 2\n"
@@ -110,7 +111,6 @@ static const char *message_of(const json_t *row) { return json_string_value(json
 // Play one line in the process of a job, and write its result.
 static int play(const char *path, int argc, char **argv)
 {
-    static const char *const json[] = {"--json"};
     kn_beside file;
     kn_jobs_begin();
     json_t *row = run(argc, argv, NULL);
@@ -172,12 +172,11 @@ static bool take_file(batch *b, const char *word, uint64_t *hash)
 // Check the words of a line, name its result and add its job if there is no result yet.
 static int take_words(batch *b, const char *text, int number, int count, char *const *words)
 {
-    // The command with --json and --help must end with 0: then it has --json, and its other options are right.
-    static const char *const ask[] = {"--json", "--help"};
     char name[17];
     uint64_t hash = b->origin;
     if (count == 0 || !isalpha((unsigned char)*words[0])) return refuse(b, number, "expected a knead command");
-    json_t *answer = run(count, words, 2, ask);
+    // The command with --json and --help must end with 0: then it has --json, and its other options are right.
+    json_t *answer = run(count, words, "--help");
     int code = exit_of(answer) == 0 ? KN_EXIT_OK
                                     : refuse(b, number, exit_of(answer) > 0 ? message_of(answer) : "cannot be checked");
     json_decref(answer);

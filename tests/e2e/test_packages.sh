@@ -3,19 +3,9 @@
 # them, a page and a press come from what they hold, C and Python compute the bits of the build, and a purge leaves the
 # root as it was.
 # night: the packages are built by themselves, and a root of Debian is made
-source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-skip() { echo "skipped: $1" && exit 77; }
-[ "$(id -u)" = 0 ] || skip "only root can make a root to install into"
-for tool in dpkg-buildpackage dh_python3 lintian mmdebstrap; do command -v $tool >/dev/null || skip "no $tool here (tests/packages)"; done
-read -r _ _ _ parent _ <"/proc/$PPID/stat"
-outside="nsenter --net=/proc/$parent/ns/net" # the network that this test was started in
-inside() { # [network=$outside] inside COMMAND...: in the clean root, as on a fresh machine
-    env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
-        ${network-} unshare -m sh -c 'mount -t proc proc root/proc && mount --rbind /dev root/dev && exec chroot root "$@"' - "$@"
-}
+source "$KN_SOURCE/tests/e2e/clean_root.sh" || exit 70
+for tool in dpkg-buildpackage dh_python3 lintian; do command -v $tool >/dev/null || skip "no $tool here (tests/packages)"; done
 packages=$KN_SOURCE/build/packages
-took() { echo "     $1: $((SECONDS - since)) s" && since=$SECONDS; }
-since=$SECONDS
 
 needed=$(sed -n 's/^\([a-z0-9]*-dev\) *# run .*/\1/p' "$KN_SOURCE/tests/packages" | grep -vx libc6-dev | sort)
 check "the packages are built from the libraries that tests/packages names" \
@@ -35,7 +25,6 @@ took "looked at by lintian"
 release=$(. /etc/os-release && echo "$VERSION_CODENAME")
 make_root "$release" --include=systemd,udev,dbus,zsh || skip "no mirror of $release is within reach" # apt would bring dbus to systemd, and dbus leaves its user
 cp "$packages"/*.deb root/opt
-cp /etc/resolv.conf root/etc/resolv.conf
 kept() { # all files, with owner, mode and target; the text of settings
     (cd root && find . \( -path ./proc -o -path ./dev -o -path ./opt -o -path ./var/cache -o -path ./var/log -o -path ./var/lib/apt -o \
         -path ./var/lib/dpkg \) -prune -o -printf '%M %U:%G %p %l\n' && find etc -type f ! -name '*-' -exec sha256sum {} +) | sort
@@ -50,6 +39,7 @@ check "kneadd.service has its user, and neither starts nor is enabled" \
     sh -c 'chroot root getent passwd knead >/dev/null && [ -e root/lib/systemd/system/kneadd.service ] && ! find root/etc/systemd | grep kneadd'
 check "the programs are of the packages' version" \
     [ "knead $(dpkg-deb -f "$packages"/knead_*.deb Version | sed 's/-[^-]*$//')" = "$(inside knead --version)" ]
+check "zsh finds the completion" [ "$(inside zsh -fc 'autoload -U compinit && compinit -D && echo $_comps[kneadd]')" = _knead ]
 
 begin=$(date +%s%N)
 set -m # a background job would ignore Ctrl-C
