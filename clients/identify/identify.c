@@ -295,7 +295,7 @@ static const struct {
     {"creep", "fit a material to the strain of a specimen under a weight and after it", &kn_identify_creep},
     {"press", "fit the material of an object to force and depth of presses with a tool", &kn_identify_press},
     {"relax", "fit a material to the stress in a specimen that is held compressed", &kn_identify_relax},
-    {"shape", "find the inner structure of a lump and the pressure in it from a depth image of a press, and the force",
+    {"shape", "find the inner structure of a lump and the pressure in it, from a depth image and the force of a press",
      NULL},
     {"sweep", "fit springs and dampers to storage and loss modulus over frequency", &kn_identify_sweep},
 };
