@@ -292,7 +292,8 @@ static const struct {
     // NULL: the experiment is `shape`, which does not share the sequence of steps
     const kn_identify_experiment *experiment;
 } experiments[] = {
-    {"creep", "fit a material to the strain of a specimen under a weight and after it", &kn_identify_creep},
+    {"creep", "fit a material to the strain of a specimen under a weight, and after the weight is removed",
+     &kn_identify_creep},
     {"press", "fit the material of an object to force and depth of presses with a tool", &kn_identify_press},
     {"relax", "fit a material to the stress in a specimen that is held compressed", &kn_identify_relax},
     {"shape", "find the inner structure of a lump and the pressure in it, from a depth image and the force of a press",
@@ -303,11 +304,10 @@ enum { EXPERIMENTS = sizeof experiments / sizeof *experiments };
 
 static void print_help(void)
 {
-    fputs(
-        "usage: knead identify COMMAND [OPTION]... FILE...\n\n"
-        "Fit a virtual object to measurements of a real one. The output has the parameters with 95 % intervals, and a\n"
-        "material, or a scene that kneadd serves. `knead help identify COMMAND` describes a command and its FILE.\n\n",
-        stdout);
+    fputs("usage: knead identify COMMAND [OPTION]... FILE...\n\n"
+          "Fit a virtual object to measurements of a real one. It prints the parameters with 95 % intervals. --out\n"
+          "writes a material, or a scene that kneadd can serve. `knead help identify COMMAND` has the rest.\n\n",
+          stdout);
     for (int i = 0; i < EXPERIMENTS; i++) printf("  %-6s %s\n", experiments[i].name, experiments[i].summary);
     puts("\nExamples:\n"
          "    knead creep dough --csv creep.csv\n"
