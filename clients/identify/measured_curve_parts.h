@@ -61,9 +61,10 @@ typedef struct kn_curve_rows {
     int begin, end, time, value, other, load;
 } kn_curve_rows;
 
-// Read creep curves (creep_curve.c): append the file's curves to f->curve. Return 0, or print an error and return an
-// exit code.
+// Read creep curves (creep_curve.c) or a relaxation (relaxation_curve.c): append the file's curves to f->curve. Return 0,
+// or print an error and return an exit code.
 int kn_curve_load_creep(kn_curve_file *f);
+int kn_curve_load_relax(kn_curve_file *f);
 
 // Read the rows of the columns wanted[], then the values of the notes and options. wanted[0] is a column of time or
 // frequency. If the table has several clocks, set wanted[0] to the one that begins with the load, and report it. Find
