@@ -1,7 +1,9 @@
 // knead batch: plays a list of knead commands and writes one table of their results. Each command is a job (cli/jobs.h)
-// with --json. Its result is a file whose first line is a hash, so a damaged file, and one of another build, is noticed.
+// with --json. Its result is a file. The first line is a hash of the rest, so that a damaged file is noticed. The name is a
+// hash of the program, the words and the files, so that no result of other inputs is taken.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
+#include "clients/cli/curve_table.h"
 #include "clients/cli/jobs.h"
 #include "clients/cli/result.h"
 #include "clients/sweep/replay_trace.h"
@@ -33,8 +35,7 @@ static const char help[] =
     "the member `stress_pa` of the first object in the list `loads` is in the column `loads.0.stress_pa`. A list of\n"
     "more than 16 entries, such as a curve, is left out. A cell is empty where a line has no such member.\n"
     "Each finished run is kept in the folder TABLE.csv.runs until the table is written. So the same command continues\n"
-    "after an interruption. A line is played again if it, a file or scene that it names, or knead itself has changed "
-    "since.\n\n"
+    "after an interruption. A line is played again if knead, the line, or a file or scene in it has changed.\n\n"
     "options:\n"
     "  --out TABLE.csv    the table\n" KN_JOBS_HELP
     "  --send FILE        with --hosts: also send this file, such as the mesh of a scene. The files that the lines\n"
@@ -180,7 +181,6 @@ static int take_words(batch *b, const char *text, int number, int count, char *c
     int code = exit_of(answer) == 0 ? KN_EXIT_OK
                                     : refuse(b, number, exit_of(answer) > 0 ? message_of(answer) : "cannot be checked");
     json_decref(answer);
-    // The name is a hash of the program, the words and the files.
     for (int i = 0; i < count && code == KN_EXIT_OK; i++) {
         hash = kn_hash_bytes(hash, words[i], strlen(words[i]) + 1);
         if (!take_file(b, words[i], &hash)) code = refuse(b, number, elsewhere);
@@ -256,18 +256,10 @@ static void flatten(json_t *row, json_t *columns, const char *path, json_t *valu
     }
 }
 
-// Write a cell of the table. A text is in quotes, with each quote in it doubled.
 static void put_cell(FILE *f, const json_t *value)
 {
-    const char *text = json_string_value(value);
-    if (!text && value && !json_is_null(value)) json_dumpf(value, f, JSON_ENCODE_ANY | JSON_REAL_PRECISION(12));
-    if (!text) return;
-    fputc('"', f);
-    for (; *text; text++) {
-        if (*text == '"') fputc('"', f);
-        fputc(*text, f);
-    }
-    fputc('"', f);
+    if (json_is_string(value)) kn_table_text(json_string_value(value), f);
+    else if (value && !json_is_null(value)) json_dumpf(value, f, JSON_ENCODE_ANY | JSON_REAL_PRECISION(12));
 }
 
 static int write_table(const batch *b, json_t *columns, json_t *flat)

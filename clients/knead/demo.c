@@ -2,7 +2,6 @@
 // the mouse presses it. A bash script does this with kneadd, knead probe, knead web and knead view.
 #include "clients/cli/command.h"
 #include "clients/cli/commands.h"
-#include "server/scene_name.h"
 #include <errno.h>
 #include <limits.h>
 #include <stdio.h>
@@ -52,14 +51,13 @@ int kn_demo_main(int argc, char **argv)
     int code = kn_options_read(&table, &opt, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
     if (argc - optind > 1) return kn_complain("demo", KN_EXIT_USAGE, "%s: expected one scene", argv[optind + 1]);
-    const char *scene = argc > optind ? argv[optind] : "dough", *path, *expected = kn_scene_take(&path, scene);
-    if (expected) return kn_complain("demo", KN_EXIT_USAGE, "%s: expected %s", scene, expected);
+    const char *scene = argc > optind ? argv[optind] : "dough", *path;
+    if (kn_command_scene("demo", &path, scene) != KN_EXIT_OK) return KN_EXIT_USAGE;
     char self[PATH_MAX];
     ssize_t length = readlink("/proc/self/exe", self, sizeof self - 1);
     if (length < 0) return kn_complain("demo", KN_EXIT_DEVICE, "/proc/self/exe: %s", strerror(errno));
     self[length] = '\0';
-    const char *to[2 * SETS + 16] = {
-        "bash", "-c", demo_bash, self, argc > optind ? argv[optind] : "dough", opt.out, opt.once ? "1" : "0"};
+    const char *to[2 * SETS + 16] = {"bash", "-c", demo_bash, self, scene, opt.out, opt.once ? "1" : "0"};
     int n = 7;
     for (int i = 0; i < opt.sets; i++) to[n++] = "--set", to[n++] = opt.set[i];
     if (opt.quality) to[n++] = "--quality", to[n++] = opt.quality;
