@@ -410,7 +410,6 @@ int kn_tradeoff_main(int argc, char **argv)
     const kn_tradeoff_options *o = &s->opt;
     const kn_replay_def job = {
         .log_path = o->log, .scene_path = o->scene, .sets = o->sets, .set_count = o->set_count, .afresh = true};
-    // --job is set when an engine runs this program for a single run.
     if (o->job) kn_jobs_begin();
     if (code == KN_OPTIONS_READ) code = o->job ? kn_sweep_run_play(&s->crew, o->job, &job, s->traces) : run(s);
     for (int i = 0; i < KN_SWEEP_RUNS_MAX; i++) kn_replay_trace_free(&s->traces[i]);

@@ -78,13 +78,18 @@ static const kn_option rows[] = {
               .expected = "at most 32 lengths like '5 mm', separated by commas"),
     KN_OPTION("resume", TEXT, AT(resume)),
     KN_JOBS_OPTIONS(kn_tradeoff_options),
-    KN_OPTION("job", TEXT, AT(job)),
 };
 
 int kn_tradeoff_options_parse(kn_tradeoff_options *opt, int argc, char **argv)
 {
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     *opt = (kn_tradeoff_options){0};
+    // An engine runs this program for a single run, with --job PATH in front.
+    if (argc > 2 && !strcmp(argv[1], "--job")) {
+        opt->job = argv[2];
+        argv[2] = argv[0];
+        argv += 2, argc -= 2;
+    }
     const int code = kn_options_read(&table, opt, argc, argv);
     const kn_axes_def *a = &opt->axes;
     opt->listed = a->methods + a->precisions + a->counts + a->tolerances + a->passes + a->steps + a->spacings > 0;

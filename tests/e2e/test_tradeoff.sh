@@ -59,6 +59,12 @@ kill -KILL $batch
 wait $batch 2>/dev/null
 pause 0.5 # its run ends with it
 results=(killed.csv.runs/????????????????)
+while head -n 5 list; do :; done 2>/dev/null | knead batch - --out killed.csv >/dev/null 2>&1 & # a list without an end
+pause 0.5
+kill -TERM $!
+wait $!
+check "a batch that is ended while it reads its list writes no table" [ "$? $(ls killed.csv 2>/dev/null)" = "143 " ]
+check "and keeps its results" cmp <(printf '%s\n' "${results[@]}") <(printf '%s\n' killed.csv.runs/????????????????)
 printf x | dd of="${results[0]}" bs=1 seek=40 conv=notrunc status=none
 knead batch list --out killed.csv >resumed 2>&1
 check "a killed batch goes on, but not with a damaged result" grep -q "of which $((${#results[@]} - 1)) were kept" resumed
