@@ -25,7 +25,7 @@ static const char help[] =
     "an LCM echo, without kneadd, answers the same messages for comparison. If a newer pose replaces a pose before\n"
     "kneadd has used it, the older pose is missed. Its latency is measured to the first answer to a later pose.\n\n"
     "  SCENE             scene to serve, a file or a name (default: dough, 847 nodes)\n"
-    "  --seconds TIME    measure for this time, 1 s to 1 h (default: 10 s)\n"
+    "  --seconds TIME    measure for this time, whole seconds up to 1 h (default: 10 s)\n"
     "  --phase MODE      lock or free: kneadd's --phase (default: lock)\n"
     "  --lcm-url URL     measure the kneadd that already serves URL, with the tool in the air 5 cm above the object.\n"
     "                    The stages are not measured, because only a kneadd started by this program reports them\n"
@@ -92,7 +92,8 @@ static int parse(options *o, int argc, char **argv)
     *o = (options){.seconds = 10, .drift_ppm = KN_LATENCY_DRIFT_PPM, .contract_us = {60, 150}};
     const int code = kn_options_read(&table, o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
-    o->seconds = trunc(o->seconds);
+    if (o->seconds != trunc(o->seconds))
+        return kn_complain("latency", KN_EXIT_USAGE, "--seconds %g: expected whole seconds", o->seconds);
     // The only argument that is not an option is the scene.
     if (optind < argc && kn_command_scene("latency", &o->scene, argv[optind++]) != KN_EXIT_OK) return KN_EXIT_USAGE;
     if (optind < argc) return kn_complain("latency", KN_EXIT_USAGE, "`%s`: expected one SCENE", argv[optind]);
