@@ -71,6 +71,16 @@ check "an array of 8 tasks plays $runs runs" [ $? = 0 ] || echo "$two"
 check "its table is that of one worker, byte for byte" cmp one.csv two.csv
 awk "BEGIN { print \"$runs runs: one worker $one s, two nodes of Slurm $two s, speed-up\", $one / $two }"
 
+# An array does not outlive the command that waits for it.
+queued() { [ -n "$(squeue --noheader)" ]; }
+knead batch list --out ended.csv --slurm --jobs 8 >/dev/null 2>&1 &
+batch=$!
+check "an array is in the queue" await queued
+kill -TERM $batch
+wait $batch
+check "a batch that is ended leaves no array" await eval '! queued'
+rm -r ended.csv.runs
+
 # A node dies with all its processes when a third of the runs is done.
 knead batch list --out three.csv --slurm --jobs 8 >three.txt 2>three.err &
 batch=$!
