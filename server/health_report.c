@@ -352,6 +352,7 @@ static void tell_ready(kn_health_check *c, FILE *out)
                 "kneadd: on a circuit: a tick without contact takes %.2g ms until its result arrives, loading a "
                 "state takes %.2g s; the queue holds %lld ticks\n",
                 1e-6 * (double)c->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
+        if (circuit.notice) fprintf(out, "kneadd: %s\n", circuit.notice);
         if (c->rest_ns > REST_TICK_NS)
             fprintf(out,
                     "kneadd: expected at most %g ms per tick: the circuit will fall behind, and its twin on the "

@@ -395,6 +395,7 @@ void kn_device_close(kn_device *device)
 
 kn_device_state kn_device_state_of(const kn_device *device) { return device->state; }
 const char *kn_device_why(const kn_device *device) { return device->why; }
+const char *kn_device_notice(const kn_device *device) { return device->link.notice; }
 kn_loss kn_device_loss(const kn_device *device) { return device->loss; }
 const kn_device_caps *kn_device_caps_of(const kn_device *device) { return &device->caps; }
 

@@ -68,7 +68,8 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY]);
 void kn_device_close(kn_device *device); // `device` may be NULL
 
 kn_device_state kn_device_state_of(const kn_device *device);
-const char *kn_device_why(const kn_device *device); // reason of the last refusal or loss, one line
+const char *kn_device_why(const kn_device *device);    // reason of the last refusal or loss, one line
+const char *kn_device_notice(const kn_device *device); // notice of the link (link.h); NULL: none
 // Reason of the last refusal or loss as an enum; KN_LOSS_COUNT: there was none.
 kn_loss kn_device_loss(const kn_device *device);
 

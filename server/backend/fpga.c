@@ -72,8 +72,9 @@ typedef struct fpga {
     _Atomic int64_t because[KN_LOSS_COUNT];
     // `out`: reason (kn_loss) why the circuit is out of step, KN_LOSS_COUNT: in step; `last`: the latest such reason
     atomic_int out, last;
-    int told;         // the last loss that was written into `line`; used by the thread only
-    atomic_bool news; // true if `line` holds a message and belongs to its reader
+    int told;           // the last loss that was written into `line`; used by the thread only
+    const char *notice; // notice of the link
+    atomic_bool news;   // true if `line` holds a message and belongs to its reader
     char line[KN_FPGA_LINE];
     // copies of the device's counters, which other threads may read
     _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns;
@@ -523,6 +524,7 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
     f->device = kn_device_open(uri, why);
     *device = true;
     if (!f->device) return false;
+    f->notice = kn_device_notice(f->device);
     kn_device_be_patient(f->device, true);
     kn_link_status status = shape(f);
     if (status == KN_LINK_OK && f->model->cell_count > 0 && f->model->node_count > f->bounds) {
@@ -642,6 +644,7 @@ bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
                                .behind = atomic_load(&f->following),
                                .timeouts = atomic_load(&f->timeouts),
                                .crc = atomic_load(&f->crc),
+                               .notice = f->notice,
                                .p50_ns = atomic_load(&f->p50_ns),
                                .p99_ns = atomic_load(&f->p99_ns),
                                .max_ns = atomic_load(&f->max_ns),

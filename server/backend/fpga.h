@@ -44,6 +44,7 @@ typedef struct kn_fpga_counts {
     // Numbers of unanswered requests and of damaged frames; this line and the next are some ticks old.
     int64_t timeouts, crc;
     int64_t p50_ns, p99_ns, max_ns; // median, 99th percentile and maximum of the time from submit to result, ns
+    const char *notice;             // one line on what the link costs (link.h); NULL: none
 } kn_fpga_counts;
 
 // Open the device (URIs: see link.h), identify and load it. Borrows `model`, which must use the solver KN_SOLVER_FIXED

@@ -102,7 +102,6 @@ bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why
 {
     char text[KN_LINK_URI];
     options o;
-    *link = (kn_link){0};
     const char *where = parse(uri, text, &o, why);
     if (!where || !open_parsed(link, text, where, &o, sysfs, why)) return false;
     link->miss_ns = (int64_t)(1e6 * o.miss_ms);

@@ -5,7 +5,8 @@
 //
 //     uart:/dev/ttyUSB0?baud=3000000   frames on a serial line (default 3000000)
 //     pty:/dev/pts/7                   the same, on a pseudo-terminal
-//     pcie:0000:01:00.0                BAR 0 of a PCI function, by its resource0 in sysfs
+//     pcie:0000:01:00.0                BAR 0 of a PCI function: by vfio-pci if the function is bound to it, otherwise
+//                                      by its resource0 in sysfs
 //     shm:NAME                         the same words in /dev/shm/NAME, which knead-simdev --bar NAME serves
 //
 // Each URI may end in ?miss=MS: the time until an unanswered request is sent again, ms (default 1.6, range 0.1 ..
@@ -13,12 +14,14 @@
 //
 // One request is under way at a time. A new request replaces it, and the reply to the old request is dropped when it
 // arrives. No function waits beyond its deadline, and only open allocates. submit and wait on a line are real-time safe
-// as far as read, write and ppoll of that line are; on shared memory, submit and wait make no system call but to sleep.
+// as far as read, write and ppoll of that line are; on shared memory, submit and wait make no system call but to sleep;
+// with vfio-pci, submit also reads an eventfd without waiting.
 // Not thread-safe.
 #include "server/backend/frame.h"
 
 #define KN_LINK_URI 256 // largest length of a URI, characters
 #define KN_LINK_WHY 384
+#define KN_LINK_CARD 64
 
 typedef enum kn_link_status {
     KN_LINK_OK,
@@ -26,7 +29,9 @@ typedef enum kn_link_status {
     KN_LINK_CRC,      // an answer arrived damaged; the request may be sent again at once
     KN_LINK_PROTOCOL, // an answer arrived that a correct circuit never gives
     KN_LINK_IO,       // the kernel reported an error, or there was no answer at all
-    KN_LINK_GONE      // the line hung up, or the ID register reads as all ones: the link must be opened again
+    // the line hung up, the ID register reads as all ones, or the card is to be removed, which waits until the link is
+    // closed: the link must be opened again
+    KN_LINK_GONE
 } kn_link_status;
 
 const char *kn_link_words(kn_link_status status); // return the status in words: "late", "wrong checksum", ...
@@ -44,6 +49,8 @@ typedef struct kn_link {
     int64_t byte_ns;  // time of one byte on the serial line, ns; 0: the link is no serial line
     // True if the repetition limit of a WAIT applies; otherwise a WAIT repeats its read until the request is dropped.
     bool device_waits;
+    bool isolated;      // true: opened by vfio-pci; kn_link_open then never opens this card by sysfs
+    const char *notice; // one line on what this way to the card costs; NULL: none
     void *self;
     kn_link_status (*submit)(void *self, const kn_request *request); // send a request, which is copied
     // Wait for the reply until deadline_ns of CLOCK_MONOTONIC; if the deadline has passed, check once. Return LATE as
@@ -57,11 +64,15 @@ typedef struct kn_link {
 // Return true if uri is a valid URI, whether or not it exists; otherwise `why` says what was expected.
 bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
 
-// Open a link. Return false on failure; `why` is then one line that says what is wrong and, if the URI is invalid, what
+// Open a link: `link` is zero, or was closed and is opened again. Return false on failure; `why` is then one line that says what is wrong and, if the URI is invalid, what
 // was expected. A file is opened for this process alone.
 bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY]);
 // `sysfs`: path of sysfs, normally "/sys".
 bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
+
+// Put the last part of a link in the folder of a PCI function into `value`: "vfio-pci" for `driver`, "7" for
+// `iommu_group`. Return false if there is no such link.
+bool kn_link_card(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD]);
 
 // ---- private: one function per transport; path and options have been checked
 bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // return true if a serial line can have this baud rate

@@ -5,13 +5,17 @@
 #include "server/clock.h"
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
+#include <linux/vfio.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/eventfd.h>
 #include <sys/file.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -20,8 +24,11 @@
 // that are open at once.
 enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000, WATCHED = 4 };
 
+// Descriptors of a link. A file and a card by sysfs have only the first.
+enum { DEVICE, GROUP, CONTAINER, REMOVAL, FDS };
+
 typedef struct bar {
-    int fd;
+    int fd[FDS]; // -1: not open
     size_t bytes;
     uint32_t words;
     volatile uint32_t *word;
@@ -204,6 +211,8 @@ static bool gone(bar *b) { return b->ones && b->word[KN_REG_ID] == UINT32_MAX; }
 static kn_link_status submit(void *self, const kn_request *request)
 {
     bar *b = self;
+    uint64_t times; // number of times that the kernel has asked for the card
+    if (b->fd[REMOVAL] >= 0 && read(b->fd[REMOVAL], &times, sizeof times) > 0) return KN_LINK_GONE;
     b->request = *request;
     b->reply = (kn_reply){.tag = (uint16_t)number(request->bytes, 2)};
     b->asked = true;
@@ -247,69 +256,158 @@ static void count(const void *self, kn_link_counts *counts) { *counts = ((const 
 static void close_bar(void *self)
 {
     bar *b = self;
-    unwatch((void *)b->word);
-    munmap((void *)b->word, b->bytes);
-    close(b->fd);
+    if (b->word) {
+        unwatch((void *)b->word);
+        munmap((void *)b->word, b->bytes);
+    }
+    for (int i = 0; i < FDS; i++)
+        if (b->fd[i] >= 0) close(b->fd[i]);
     free(b);
 }
 
 // ---- opening
 
-// Map the file without access first, and allow access afterwards. If the process locks all its memory, mapping with
-// access would allocate pages for every word. Touch the pages of a file that a tick needs, so that the tick meets no
-// page fault. For a BAR this is not necessary.
-static void *map(int fd, size_t bytes, bool shm)
+// Create a link without registers. Return NULL if memory is short.
+static bar *create(kn_link *link, const char *name, char why[KN_LINK_WHY])
 {
-    void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, fd, 0);
-    if (at != MAP_FAILED && mprotect(at, bytes, PROT_READ | PROT_WRITE) == 0 && watch(at, bytes)) {
-        const volatile uint32_t *word = at;
-        for (size_t i = 0; shm && i < KN_WINDOW_REACTIONS + 6 * (KN_FIXED_LIST_MAX + 1); i += 512) (void)word[i];
-        if (shm) (void)word[bytes / 4 - 1];
-        return at;
-    }
-    if (at != MAP_FAILED) munmap(at, bytes);
-    return NULL;
-}
-
-// Open and lock the file, check its size and map it.
-static bool open_file(kn_link *link, const char *name, const char *path, bool shm, char why[KN_LINK_WHY])
-{
-    struct stat s = {0};
     bar *b = calloc(1, sizeof *b);
-    void *at = NULL;
-    int fd = open(path, O_RDWR | O_SYNC | O_CLOEXEC);
-    if (fd < 0 || fstat(fd, &s)) snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
-    else if (flock(fd, LOCK_EX | LOCK_NB)) snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
-    else if (shm ? s.st_size != KN_SHM_BYTES : s.st_size < 4096 || s.st_size % 4)
-        snprintf(why, KN_LINK_WHY, "%s: %lld bytes: expected the registers of a circuit", path, (long long)s.st_size);
-    else if (!b || !(at = map(fd, (size_t)s.st_size, shm))) snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
-    if (!at) {
-        if (fd >= 0) close(fd);
-        free(b);
-        return false;
-    }
-    *b = (bar){.fd = fd, .bytes = (size_t)s.st_size, .word = at, .shm = shm ? kn_shm_of(at) : NULL};
-    b->words = shm || s.st_size / 4 > KN_SHM_WORDS ? KN_SHM_WORDS : (uint32_t)(s.st_size / 4);
+    if (b) memset(b->fd, -1, sizeof b->fd);
+    else snprintf(why, KN_LINK_WHY, "not enough memory");
     *link = (kn_link){.name = name,
+                      .isolated = link->isolated,
                       .self = b,
                       .submit = submit,
                       .wait = wait_reply,
                       .forget = forget,
                       .count = count,
                       .close = close_bar};
+    return b;
+}
+
+// Return whether the link was opened; free it if not.
+static bool finish(bar *b, bool opened)
+{
+    if (b && !opened) close_bar(b);
+    return opened;
+}
+
+// Map the registers without access first, and allow access afterwards. If the process locks all its memory, mapping
+// with access would allocate pages for every word. Touch the pages of a file that a tick needs, so that the tick meets
+// no page fault. For a BAR this is not necessary.
+static bool map(bar *b, size_t bytes, off_t offset, bool shm)
+{
+    void *at = mmap(NULL, bytes, PROT_NONE, MAP_SHARED, b->fd[DEVICE], offset);
+    if (at == MAP_FAILED) return false;
+    if (mprotect(at, bytes, PROT_READ | PROT_WRITE) != 0 || !watch(at, bytes)) {
+        munmap(at, bytes);
+        return false;
+    }
+    b->word = at;
+    b->bytes = bytes;
+    b->words = bytes / 4 > KN_SHM_WORDS ? KN_SHM_WORDS : (uint32_t)(bytes / 4);
+    if (!shm) return true;
+    b->shm = kn_shm_of(at);
+    for (size_t i = 0; i < KN_WINDOW_REACTIONS + 6 * (KN_FIXED_LIST_MAX + 1); i += 512) (void)b->word[i];
+    (void)b->word[bytes / 4 - 1];
     return true;
+}
+
+// Open and lock the file, check its size and map it.
+static bool open_file(bar *b, const char *path, bool shm, char why[KN_LINK_WHY])
+{
+    struct stat s = {0};
+    const int fd = b->fd[DEVICE] = open(path, O_RDWR | O_SYNC | O_CLOEXEC);
+    if (fd < 0 || fstat(fd, &s)) snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
+    else if (flock(fd, LOCK_EX | LOCK_NB)) snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
+    else if (shm ? s.st_size != KN_SHM_BYTES : s.st_size < 4096 || s.st_size % 4)
+        snprintf(why, KN_LINK_WHY, "%s: %lld bytes: expected the registers of a circuit", path, (long long)s.st_size);
+    else if (map(b, (size_t)s.st_size, 0, shm)) return true;
+    else
+        snprintf(why, KN_LINK_WHY, "%s: %s", path,
+                 shm || errno != EPERM ? strerror(errno)
+                                       : "this kernel is locked down: it gives the card to vfio-pci only");
+    return false;
 }
 
 bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY])
 {
     char path[KN_LINK_URI + 16];
     snprintf(path, sizeof path, "/dev/shm/%.200s", name);
-    return open_file(link, "shm", path, true, why);
+    bar *b = create(link, "shm", why);
+    return finish(b, b && open_file(b, path, true, why));
+}
+
+// ---- cards
+
+bool kn_link_card(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD])
+{
+    char path[2 * KN_LINK_URI], target[PATH_MAX];
+    snprintf(path, sizeof path, "%.200s/bus/pci/devices/%.16s/%s", sysfs, function, name);
+    const ssize_t size = readlink(path, target, sizeof target - 1);
+    target[size > 0 ? size : 0] = 0;
+    const char *last = strrchr(target, '/');
+    snprintf(value, KN_LINK_CARD, "%.63s", last ? last + 1 : target);
+    return *value;
+}
+
+// Let the kernel signal an eventfd when an operator removes the card. The removal then waits until all descriptors are
+// closed; without the eventfd nothing would tell us to close them.
+static bool hear_removal(bar *b)
+{
+    union {
+        struct vfio_irq_set set;
+        char room[sizeof(struct vfio_irq_set) + sizeof(int)];
+    } irq = {.set = {.argsz = sizeof irq,
+                     .flags = VFIO_IRQ_SET_DATA_EVENTFD | VFIO_IRQ_SET_ACTION_TRIGGER,
+                     .index = VFIO_PCI_REQ_IRQ_INDEX,
+                     .count = 1}};
+    b->fd[REMOVAL] = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    memcpy(irq.set.data, &b->fd[REMOVAL], sizeof(int));
+    return b->fd[REMOVAL] >= 0 && ioctl(b->fd[DEVICE], VFIO_DEVICE_SET_IRQS, &irq) == 0;
+}
+
+// Open a card that is bound to vfio-pci, through its IOMMU group. The card reaches no memory of this machine, because
+// nothing is mapped for it. One program at a time can have the group.
+static bool open_vfio(bar *b, const char *function, const char *group, char why[KN_LINK_WHY])
+{
+    struct vfio_region_info region = {.argsz = sizeof region, .index = VFIO_PCI_BAR0_REGION_INDEX};
+    char step[128] = "/dev/vfio/vfio";
+    b->fd[CONTAINER] = open(step, O_RDWR | O_CLOEXEC);
+    if (b->fd[CONTAINER] >= 0) {
+        snprintf(step, sizeof step, "/dev/vfio/%s", group);
+        b->fd[GROUP] = open(step, O_RDWR | O_CLOEXEC);
+    }
+    if (b->fd[GROUP] >= 0) {
+        snprintf(step, sizeof step, "group %s, all of whose cards must be bound to vfio-pci or to no driver", group);
+        if (ioctl(b->fd[GROUP], VFIO_GROUP_SET_CONTAINER, &b->fd[CONTAINER]) == 0 &&
+            ioctl(b->fd[CONTAINER], VFIO_SET_IOMMU, VFIO_TYPE1v2_IOMMU) == 0)
+            b->fd[DEVICE] = ioctl(b->fd[GROUP], VFIO_GROUP_GET_DEVICE_FD, function);
+    }
+    if (b->fd[DEVICE] >= 0) {
+        snprintf(step, sizeof step, "its BAR 0");
+        if (hear_removal(b) && ioctl(b->fd[DEVICE], VFIO_DEVICE_GET_REGION_INFO, &region) == 0 &&
+            map(b, region.size, (off_t)region.offset, false))
+            return true;
+    }
+    snprintf(why, KN_LINK_WHY, "pcie:%s by vfio-pci: %s: %s", function, step, strerror(errno));
+    return false;
 }
 
 bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char why[KN_LINK_WHY])
 {
-    char path[2 * KN_LINK_URI];
+    char path[2 * KN_LINK_URI], driver[KN_LINK_CARD], group[KN_LINK_CARD];
+    bar *b = create(link, "pcie", why);
+    if (kn_link_card(sysfs, function, "driver", driver) && strcmp(driver, "vfio-pci") == 0 &&
+        kn_link_card(sysfs, function, "iommu_group", group)) {
+        link->isolated = true;
+        return finish(b, b && open_vfio(b, function, group, why));
+    }
+    if (link->isolated) {
+        snprintf(why, KN_LINK_WHY, "pcie:%s: expected to be bound to vfio-pci, as before", function);
+        return finish(b, false);
+    }
+    link->notice = "the card is reached by sysfs: without isolation from the memory of this machine, and not if the "
+                   "kernel is locked down; `knead doctor --card` tells how to bind it to vfio-pci";
     snprintf(path, sizeof path, "%.200s/bus/pci/devices/%.16s/resource0", sysfs, function);
-    return open_file(link, "pcie", path, false, why);
+    return finish(b, b && open_file(b, path, false, why));
 }

@@ -8,6 +8,13 @@
 #include "tests/core/rig.h"
 #include "tests/server/board.h"
 #include "tests/words.h"
+#include <errno.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <stddef.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
 
 static int64_t after_ms(int64_t ms) { return kn_now_ns() + 1000000 * ms; }
 
@@ -228,7 +235,7 @@ TEST("an invalid URI is refused in one line that says what was expected")
                                             {"pty:/dev/null", "expected a serial line"},
                                             {"pty:/dev/pts/none", "No such file"}};
     char why[KN_LINK_WHY], longest[400] = "shm:";
-    kn_link link;
+    kn_link link = {0};
     for (int i = 0; word_of(wrong, i); i++) {
         CHECK(!kn_link_open(&link, word_of(wrong, i), why) && strstr(why, "expected ") && !strchr(why, '\n'));
         CHECK(!kn_link_is_uri(word_of(wrong, i), why) && strstr(why, "expected ") && !strchr(why, '\n'));
@@ -247,7 +254,7 @@ TEST("a circuit is identified by one program at a time, and an unsuitable object
     for (int bar = 0; bar < 2; bar++) {
         char why[KN_LINK_WHY];
         AT_END(lab_close) lab l = lab_open(start_on(bar, NULL, "1"), 50, NODES, EDGES);
-        kn_link second;
+        kn_link second = {0};
         CHECK(!kn_link_open(&second, l.board.uri, why) && strstr(why, "in use by another program"));
         CHECK(kn_device_state_of(l.device) == KN_DEVICE_CLOSED && load(&l) == KN_LINK_PROTOCOL);
         CHECK(identify(&l) == KN_LINK_OK && kn_device_state_of(l.device) == KN_DEVICE_IDENTIFIED);
@@ -481,7 +488,7 @@ TEST("a serial line is opened by name with its speed and a short latency timer, 
     snprintf(path, sizeof path, "%s/class/tty/%s/device/latency_timer", sysfs, strrchr(real, '/') + 1);
     run("f=%s; mkdir -p ${f%%/*} && echo 7 >$f", path);
     snprintf(uri, sizeof uri, "uart:%.100s?baud=921600", real);
-    kn_link link;
+    kn_link link = {0};
     CHECK(kn_link_open_at(&link, uri, sysfs, why));
     CHECK_STR(link.name, "uart");
     CHECK(link.byte_ns == 10000000000 / 921600);
@@ -507,7 +514,7 @@ TEST("a card's registers are its resource0, and a card that reads all ones is go
     run("mkdir -p %s/bus/pci/devices/0000:01:00.0", sysfs);
     snprintf(path, sizeof path, "%s/bus/pci/devices/0000:01:00.0/resource0", sysfs);
     int fd = open(path, O_RDWR | O_CREAT, 0600);
-    kn_link link;
+    kn_link link = {0};
     CHECK(!kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "expected the registers"));
     CHECK(ftruncate(fd, 65536) == 0 && pwrite(fd, &id, 4, 0) == 4);
     CHECK(!kn_link_open_at(&link, "pcie:0000:02:00.0", sysfs, why) && strstr(why, "No such file"));
@@ -537,6 +544,37 @@ TEST("a card's registers are its resource0, and a card that reads all ones is go
     CHECK(ask(&link, &r, 2, &reply) == KN_LINK_GONE);
     link.close(link.self);
     close(fd);
+    run("rm -r %s", sysfs);
+}
+
+TEST("a card of vfio-pci is never opened by sysfs, and a kernel that is locked down gives the reason")
+{
+    char why[KN_LINK_WHY], folder[300], sysfs[] = "/tmp/knead-sysfs-XXXXXX";
+    CHECK(mkdtemp(sysfs));
+    snprintf(folder, sizeof folder, "%s/bus/pci/devices/0000:01:00.0", sysfs);
+    run("f=%s; mkdir -p $f && cd $f && truncate -s 65536 resource0 && ln -s ../../drivers/vfio-pci driver && "
+        "ln -s ../../../../kernel/iommu_groups/999999 iommu_group",
+        folder);
+    kn_link link = {0};
+    CHECK(!kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "by vfio-pci: /dev/vfio/"));
+    run("rm %s/driver", folder); // as while the function is removed
+    CHECK(!kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "bound to vfio-pci, as before"));
+    link = (kn_link){0};
+    CHECK(kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(link.notice, "without isolation"));
+    link.close(link.self);
+    if (fork() == 0) { // let the kernel refuse the mapping with the error that a kernel under lockdown gives
+        struct sock_filter refuse[] = {
+            BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+            BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_mmap, 0, 1),
+            BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
+            BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+        };
+        prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+        if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &(struct sock_fprog){4, refuse}) != 0) _exit(0);
+        _exit(kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) || !strstr(why, "this kernel is locked down"));
+    }
+    int status = 1;
+    CHECK(wait(&status) > 0 && status == 0);
     run("rm -r %s", sysfs);
 }
 
