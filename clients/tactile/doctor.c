@@ -5,6 +5,7 @@
 #include "clients/tactile/devices.h"
 #include "core/model.h"
 #include "core/algebra/algebra.h"
+#include "server/backend/link.h"
 #include "server/bus.h"
 #include "server/clock.h"
 #include "server/daemon.h"
@@ -38,6 +39,7 @@ static const char help[] =
     "millisecond, as the servo thread of kneadd does, and measure how late it wakes up, and what a second thread\n"
     "would bring.\n\n"
     "  --seconds TIME  measure for this time, 1 s to 1 h (default: 2 s)\n"
+    "  --card ADDRESS  also check the PCI card of kneadd --backend pcie:ADDRESS, such as 0000:01:00.0\n"
     "  --json          print JSON\n"
     "  --root DIR      search DIR/dev and DIR/sys instead of /dev and /sys\n\n"
     "Examples:\n"
@@ -54,7 +56,7 @@ typedef struct check {
     char name[16];
     bool good;
     // found: result of the check in words; fix: remedy, or "" if none exists or none is needed.
-    char found[256], fix[256];
+    char found[256], fix[512];
 } check;
 
 typedef struct findings {
@@ -269,6 +271,53 @@ static void look_at_devices(findings *f, const char *root)
     free(found);
 }
 
+// Check the way that kneadd takes to a card, and that the IOMMU keeps the card from the memory of this machine.
+static void look_at_card(findings *f, const char *root, const char *card)
+{
+    char sysfs[PATH_MAX], path[PATH_MAX + 64], line[128], driver[KN_LINK_CARD], group[KN_LINK_CARD];
+    unsigned vendor, device;
+    snprintf(sysfs, sizeof sysfs, "%s/sys", root);
+    snprintf(path, sizeof path, "%s/bus/pci/devices/%s/modalias", sysfs, card);
+    if (!kn_devices_read_line(path, line, sizeof line) || sscanf(line, "pci:v%8xd%8x", &vendor, &device) != 2) {
+        fix(add(f, "card", false, "%s: no such PCI function", card),
+            "echo 1 | sudo tee /sys/bus/pci/rescan; lspci -D lists all functions");
+        return;
+    }
+    // the way: vfio-pci if the card is bound to it, otherwise sysfs, which a kernel under lockdown refuses
+    const bool bound = kn_link_card(sysfs, card, "driver", driver) && strcmp(driver, "vfio-pci") == 0;
+    const bool isolated = kn_link_card(sysfs, card, "iommu_group", group) && bound;
+    snprintf(path, sizeof path, "%s/kernel/security/lockdown", sysfs);
+    const bool locked = !isolated && kn_devices_read_line(path, line, sizeof line) && !strstr(line, "[none]");
+    if (isolated) snprintf(path, sizeof path, "%s/dev/vfio/%s", root, group);
+    else snprintf(path, sizeof path, "%s/bus/pci/devices/%s/resource0", sysfs, card);
+    const bool open = access(path, R_OK | W_OK) == 0;
+    check *c = add(f, "card", open && !locked, "%s by %s, %s: %s", card, isolated ? "vfio-pci" : "sysfs", path,
+                   locked ? "refused, since this kernel is locked down"
+                   : open ? "can be opened"
+                          : strerror(errno));
+    if (locked) fix(c, "bind the card to vfio-pci, see the check `isolation`");
+    else if (isolated)
+        fix(c,
+            "echo 'SUBSYSTEM==\"vfio\", GROUP=\"knead\", MODE=\"0660\"' | sudo tee /etc/udev/rules.d/70-knead.rules; "
+            "sudo udevadm control --reload; sudo udevadm trigger -s vfio");
+    else fix(c, "sudo chown $USER %s; then echo 1 | sudo tee enable in the same folder", path);
+    c = add(f, "isolation", isolated,
+            *group ? "%s is in IOMMU group %s, driver %s"
+                   : "%s has no IOMMU group: nothing keeps it from the memory of this machine",
+            card, group, *driver ? driver : "none");
+    *line = 0;
+    if (*driver) snprintf(line, sizeof line, "echo %s | sudo tee /sys/bus/pci/drivers/%s/unbind; ", card, driver);
+    if (!*group)
+        fix(c, "switch on the IOMMU (VT-d or AMD-Vi) in the firmware's setup; add intel_iommu=on to the kernel's "
+               "parameters on Intel");
+    else
+        fix(c,
+            "sudo modprobe vfio-pci; %secho %04x %04x | sudo tee /sys/bus/pci/drivers/vfio-pci/new_id; this outlasts "
+            "remove and rescan, which driver_override does not; for every boot: options vfio-pci ids=%04x:%04x in "
+            "/etc/modprobe.d/knead.conf",
+            line, vendor, device, vendor, device);
+}
+
 // --- measurement of wake-up lateness ---
 
 typedef struct wakes {
@@ -364,7 +413,7 @@ static void print_lines(const findings *f)
 }
 
 typedef struct options {
-    const char *root;
+    const char *root, *card;
     bool json;
     double seconds;
 } options;
@@ -375,6 +424,7 @@ int kn_doctor_main(int argc, char **argv)
         KN_OPTION("json", FLAG, .offset = offsetof(options, json)),
         KN_OPTION("seconds", QUANTITY, .offset = offsetof(options, seconds), .unit = "s",
                   .expected = "a time from 1 to 3600 s", KN_RANGE(1, 3600)),
+        KN_OPTION("card", TEXT, .offset = offsetof(options, card)),
         KN_OPTION("root", TEXT, .offset = offsetof(options, root)),
     };
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
@@ -384,11 +434,14 @@ int kn_doctor_main(int argc, char **argv)
     if (code != KN_OPTIONS_READ) return code;
     if (optind < argc) return kn_complain("doctor", KN_EXIT_USAGE, "`%s`: expected options only", argv[optind]);
     if (strlen(o.root) > PATH_MAX / 2) return kn_complain("doctor", KN_EXIT_USAGE, "--root: expected a shorter path");
+    if (o.card && !kn_link_is_function(o.card))
+        return kn_complain("doctor", KN_EXIT_USAGE, "--card %s: expected a PCI function, such as 0000:01:00.0", o.card);
     code = KN_EXIT_OK;
     look_at_limits(&f);
     look_at_bus(&f);
     look_at_processor(&f);
     look_at_devices(&f, o.root);
+    if (o.card) look_at_card(&f, o.root, o.card);
     measure(&f, (int)(1000 * o.seconds + 0.5));
     measure_threads(&f);
     if (o.json) code = print_json(&f);

@@ -41,8 +41,7 @@ static bool parse_options(char *text, options *o)
     return true;
 }
 
-// Return true for the address of a PCI function, DDDD:BB:DD.F.
-static bool is_function(const char *s)
+bool kn_link_is_function(const char *s)
 {
     for (const char *form = "xxxx:xx:xx.x"; *form; form++, s++) {
         if (*form == 'x' ? !*s || !strchr("0123456789abcdefABCDEF", *s) : *s != *form) return false;
@@ -69,7 +68,7 @@ static bool good(const char *scheme, const char *where, const options *o)
     if (strcmp(scheme, "uart") == 0) return *where == '/';
     if (o->baud) return false;
     if (strcmp(scheme, "pty") == 0) return *where == '/';
-    if (strcmp(scheme, "pcie") == 0) return is_function(where);
+    if (strcmp(scheme, "pcie") == 0) return kn_link_is_function(where);
     return strcmp(scheme, "shm") == 0 && is_name(where);
 }
 

@@ -14,9 +14,8 @@
 //
 // One request is under way at a time. A new request replaces it, and the reply to the old request is dropped when it
 // arrives. No function waits beyond its deadline, and only open allocates. submit and wait on a line are real-time safe
-// as far as read, write and ppoll of that line are; on shared memory, submit and wait make no system call but to sleep;
-// with vfio-pci, submit also reads an eventfd without waiting.
-// Not thread-safe.
+// as far as read, write and ppoll of that line are; on shared memory, submit and wait make no system call but to sleep.
+// With vfio-pci, submit also reads an eventfd, without waiting. Not thread-safe.
 #include "server/backend/frame.h"
 
 #define KN_LINK_URI 256 // largest length of a URI, characters
@@ -64,12 +63,13 @@ typedef struct kn_link {
 // Return true if uri is a valid URI, whether or not it exists; otherwise `why` says what was expected.
 bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
 
-// Open a link: `link` is zero, or was closed and is opened again. Return false on failure; `why` is then one line that says what is wrong and, if the URI is invalid, what
-// was expected. A file is opened for this process alone.
+// Open a link. `link` is zero, or was closed and is opened again. Return false on failure; `why` is then one line that
+// says what is wrong and, if the URI is invalid, what was expected. A file is opened for this process alone.
 bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY]);
 // `sysfs`: path of sysfs, normally "/sys".
 bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
 
+bool kn_link_is_function(const char *s); // return true for the address of a PCI function, DDDD:BB:DD.F
 // Put the last part of a link in the folder of a PCI function into `value`: "vfio-pci" for `driver`, "7" for
 // `iommu_group`. Return false if there is no such link.
 bool kn_link_card(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD]);

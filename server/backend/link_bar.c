@@ -341,8 +341,8 @@ bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY])
 
 bool kn_link_card(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD])
 {
-    char path[2 * KN_LINK_URI], target[PATH_MAX];
-    snprintf(path, sizeof path, "%.200s/bus/pci/devices/%.16s/%s", sysfs, function, name);
+    char path[PATH_MAX], target[PATH_MAX];
+    snprintf(path, sizeof path, "%s/bus/pci/devices/%s/%s", sysfs, function, name);
     const ssize_t size = readlink(path, target, sizeof target - 1);
     target[size > 0 ? size : 0] = 0;
     const char *last = strrchr(target, '/');
@@ -389,7 +389,8 @@ static bool open_vfio(bar *b, const char *function, const char *group, char why[
             map(b, region.size, (off_t)region.offset, false))
             return true;
     }
-    snprintf(why, KN_LINK_WHY, "pcie:%s by vfio-pci: %s: %s", function, step, strerror(errno));
+    snprintf(why, KN_LINK_WHY, "pcie:%s by vfio-pci: %s: %s; see knead doctor --card %s", function, step,
+             strerror(errno), function);
     return false;
 }
 
