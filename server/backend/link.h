@@ -15,7 +15,7 @@
 // One request is under way at a time. A new request replaces it, and the reply to the old request is dropped when it
 // arrives. No function waits beyond its deadline, and only open allocates. submit and wait on a line are real-time safe
 // as far as read, write and ppoll of that line are; on shared memory, submit and wait make no system call but to sleep.
-// With vfio-pci, submit also reads an eventfd, without waiting. Not thread-safe.
+// For a card, submit also reads a file that never blocks. Not thread-safe.
 #include "server/backend/frame.h"
 
 #define KN_LINK_URI 256 // largest length of a URI, characters

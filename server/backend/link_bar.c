@@ -24,7 +24,8 @@
 // that are open at once.
 enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000, WATCHED = 4 };
 
-// Descriptors of a link. A file and a card by sysfs have only the first.
+// Descriptors: the file or the device with the registers; the device's IOMMU group and its container (vfio-pci); what is
+// read once a request and tells that the card is removed (a card).
 enum { DEVICE, GROUP, CONTAINER, REMOVAL, FDS };
 
 typedef struct bar {
@@ -212,7 +213,8 @@ static kn_link_status submit(void *self, const kn_request *request)
 {
     bar *b = self;
     uint64_t times; // number of times that the kernel has asked for the card
-    if (b->fd[REMOVAL] >= 0 && read(b->fd[REMOVAL], &times, sizeof times) > 0) return KN_LINK_GONE;
+    const ssize_t told = b->fd[REMOVAL] >= 0 ? read(b->fd[REMOVAL], &times, sizeof times) : 0;
+    if (told > 0 || (told < 0 && errno == ENODEV)) return KN_LINK_GONE;
     b->request = *request;
     b->reply = (kn_reply){.tag = (uint16_t)number(request->bytes, 2)};
     b->asked = true;
@@ -410,5 +412,10 @@ bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char w
     link->notice = "the card is reached by sysfs: without isolation from the memory of this machine, and not if the "
                    "kernel is locked down; `knead doctor --card` tells how to bind it to vfio-pci";
     snprintf(path, sizeof path, "%.200s/bus/pci/devices/%.16s/resource0", sysfs, function);
-    return finish(b, b && open_file(b, path, false, why));
+    if (!finish(b, b && open_file(b, path, false, why))) return false;
+    // The mapping of a card that was removed stays, and another card may get its addresses. From then on a read at the
+    // end of the file fails with ENODEV.
+    b->fd[REMOVAL] = dup(b->fd[DEVICE]);
+    lseek(b->fd[REMOVAL], 0, SEEK_END);
+    return true;
 }
