@@ -347,25 +347,8 @@ bool kn_link_card(const char *sysfs, const char *function, const char *name, cha
     snprintf(path, sizeof path, "%s/bus/pci/devices/%s/%s", sysfs, function, name);
     const ssize_t size = readlink(path, target, sizeof target - 1);
     target[size > 0 ? size : 0] = 0;
-    const char *last = strrchr(target, '/');
-    snprintf(value, KN_LINK_CARD, "%.63s", last ? last + 1 : target);
+    snprintf(value, KN_LINK_CARD, "%.63s", basename(target));
     return *value;
-}
-
-// Let the kernel signal an eventfd when an operator removes the card. The removal then waits until all descriptors are
-// closed; without the eventfd nothing would tell us to close them.
-static bool hear_removal(bar *b)
-{
-    union {
-        struct vfio_irq_set set;
-        char room[sizeof(struct vfio_irq_set) + sizeof(int)];
-    } irq = {.set = {.argsz = sizeof irq,
-                     .flags = VFIO_IRQ_SET_DATA_EVENTFD | VFIO_IRQ_SET_ACTION_TRIGGER,
-                     .index = VFIO_PCI_REQ_IRQ_INDEX,
-                     .count = 1}};
-    b->fd[REMOVAL] = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    memcpy(irq.set.data, &b->fd[REMOVAL], sizeof(int));
-    return b->fd[REMOVAL] >= 0 && ioctl(b->fd[DEVICE], VFIO_DEVICE_SET_IRQS, &irq) == 0;
 }
 
 // Open a card that is bound to vfio-pci, through its IOMMU group. The card reaches no memory of this machine, because
@@ -387,7 +370,14 @@ static bool open_vfio(bar *b, const char *function, const char *group, char why[
     }
     if (b->fd[DEVICE] >= 0) {
         snprintf(step, sizeof step, "its BAR 0");
-        if (hear_removal(b) && ioctl(b->fd[DEVICE], VFIO_DEVICE_GET_REGION_INFO, &region) == 0 &&
+        // The kernel signals this eventfd when an operator removes the card, and waits until all descriptors are closed.
+        const int removal = b->fd[REMOVAL] = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+        // a struct vfio_irq_set, and the descriptor as its data
+        const uint32_t signal[6] = {
+            sizeof signal,    VFIO_IRQ_SET_DATA_EVENTFD | VFIO_IRQ_SET_ACTION_TRIGGER, VFIO_PCI_REQ_IRQ_INDEX, 0, 1,
+            (uint32_t)removal};
+        if (removal >= 0 && ioctl(b->fd[DEVICE], VFIO_DEVICE_SET_IRQS, signal) == 0 &&
+            ioctl(b->fd[DEVICE], VFIO_DEVICE_GET_REGION_INFO, &region) == 0 &&
             map(b, region.size, (off_t)region.offset, false))
             return true;
     }
