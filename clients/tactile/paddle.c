@@ -13,20 +13,11 @@
 // would reach the motor too late.
 static const int waiting_most = 2 * KN_PADDLE_FRAME_SIZE;
 
-static const struct {
-    int baud;
-    speed_t speed;
-} speeds[] = {{230400, B230400},   {460800, B460800},   {500000, B500000},   {576000, B576000},   {921600, B921600},
-              {1000000, B1000000}, {1500000, B1500000}, {2000000, B2000000}, {3000000, B3000000}, {4000000, B4000000}};
-
-static speed_t speed_of(int baud)
+bool kn_paddle_baud_known(int baud)
 {
-    for (size_t i = 0; i < sizeof speeds / sizeof *speeds; i++)
-        if (speeds[i].baud == baud) return speeds[i].speed;
-    return B0;
+    struct termios t = {0};
+    return baud >= 230400 && cfsetspeed(&t, (speed_t)baud) == 0;
 }
-
-bool kn_paddle_baud_known(int baud) { return speed_of(baud) != B0; }
 
 // Pass a state frame to the bridge as a pose, and describe the state of the paddle in words for the user.
 static void take(kn_paddle *p, const kn_paddle_frame *f)
@@ -80,7 +71,7 @@ static bool setup(int fd, int baud)
     // Clear HUPCL, which would reset many boards whenever a program closes the line.
     t.c_cflag &= (tcflag_t) ~(CSTOPB | PARENB | CRTSCTS | HUPCL);
     t.c_cflag |= CS8 | CLOCAL | CREAD;
-    if (cfsetspeed(&t, speed_of(baud)) != 0 || tcsetattr(fd, TCSANOW, &t) != 0) return false;
+    if (cfsetspeed(&t, (speed_t)baud) != 0 || tcsetattr(fd, TCSANOW, &t) != 0) return false;
     // Request low latency, because USB adapters otherwise collect bytes for up to 16 ms. Ignore a failure: a line that
     // rejects the request does not collect bytes.
     struct serial_struct line;

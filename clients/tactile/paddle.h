@@ -77,7 +77,8 @@ bool kn_paddle_decoder_push(kn_paddle_decoder *deframer, uint8_t byte, kn_paddle
 
 // Default baud rate, and the list of accepted rates as a text for error messages.
 #define KN_PADDLE_BAUD 921600
-#define KN_PADDLE_BAUDS "230400, 460800, 500000, 576000, 921600, 1000000, 1500000, 2000000, 3000000 or 4000000"
+#define KN_PADDLE_BAUDS                                                                                                \
+    "230400, 460800, 500000, 576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000, 3000000, 3500000 or 4000000"
 
 typedef struct kn_paddle {
     kn_tactile base;

@@ -154,25 +154,11 @@ static void close_uart(void *self)
 
 // ---- opening
 
-static const struct {
-    int baud;
-    speed_t speed;
-} speeds[] = {{9600, B9600},       {19200, B19200},     {38400, B38400},     {57600, B57600},     {115200, B115200},
-              {230400, B230400},   {460800, B460800},   {500000, B500000},   {576000, B576000},   {921600, B921600},
-              {1000000, B1000000}, {1152000, B1152000}, {1500000, B1500000}, {2000000, B2000000}, {2500000, B2500000},
-              {3000000, B3000000}, {3500000, B3500000}, {4000000, B4000000}};
-
-// Return the termios speed of a rate; B0 if there is none.
-static speed_t speed_of(int baud)
-{
-    for (size_t i = 0; i < sizeof speeds / sizeof *speeds; i++)
-        if (speeds[i].baud == baud) return speeds[i].speed;
-    return B0;
-}
-
 bool kn_link_is_baud(int baud, char why[KN_LINK_WHY])
 {
-    if (speed_of(baud) != B0) return true;
+    struct termios t = {0};
+    // glibc takes a rate as a number. Below 9600 it also takes its codes of rates.
+    if (baud >= 9600 && cfsetspeed(&t, (speed_t)baud) == 0) return true;
     snprintf(why, KN_LINK_WHY,
              "baud=%d: expected 9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, "
              "576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000, 3000000, 3500000 or 4000000",
@@ -182,7 +168,7 @@ bool kn_link_is_baud(int baud, char why[KN_LINK_WHY])
 
 // Set the line to raw mode: eight bits, no flow control, no modem lines. VMIN is 1, because with VMIN 0 an empty line
 // and a hang-up could not be distinguished.
-static bool make_raw(int fd, int baud, speed_t speed)
+static bool make_raw(int fd, int baud)
 {
     struct termios t;
     if (tcgetattr(fd, &t)) return false;
@@ -190,7 +176,7 @@ static bool make_raw(int fd, int baud, speed_t speed)
     t.c_cflag = (t.c_cflag & ~(tcflag_t)(CSTOPB | CRTSCTS | HUPCL)) | CLOCAL | CREAD;
     t.c_cc[VMIN] = 1;
     t.c_cc[VTIME] = 0;
-    if (baud && (cfsetispeed(&t, speed) || cfsetospeed(&t, speed))) return false;
+    if (baud && cfsetspeed(&t, (speed_t)baud)) return false;
     return tcsetattr(fd, TCSANOW, &t) == 0;
 }
 
@@ -214,13 +200,13 @@ static void hurry(int fd, const char *path, const char *sysfs)
 }
 
 // Lock the line for this process, set it to raw mode and drop old input.
-static bool take_line(uart *u, const char *path, int baud, speed_t speed, char why[KN_LINK_WHY])
+static bool take_line(uart *u, const char *path, int baud, char why[KN_LINK_WHY])
 {
     if (flock(u->fd, LOCK_EX | LOCK_NB)) {
         snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
         return false;
     }
-    if (!make_raw(u->fd, baud, speed)) {
+    if (!make_raw(u->fd, baud)) {
         snprintf(why, KN_LINK_WHY, "%s: %s: expected a serial line", path, strerror(errno));
         return false;
     }
@@ -240,7 +226,7 @@ bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, 
     }
     uart *u = calloc(1, sizeof *u);
     if (u) u->fd = fd;
-    if (!u || !take_line(u, path, baud, speed_of(baud), why)) {
+    if (!u || !take_line(u, path, baud, why)) {
         if (!u) snprintf(why, KN_LINK_WHY, "%s: not enough memory", path);
         close(fd);
         free(u);
