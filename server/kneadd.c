@@ -76,7 +76,7 @@ static const char *take_backend(void *to, const char *text)
 {
     options *o = to;
     char why[KN_LINK_WHY];
-    const bool device = kn_backend_is_device(text);
+    const bool device = strchr(text, ':');
     if (device && !kn_link_is_uri(text, why)) return fprintf(stderr, "kneadd: --backend %s\n", why), KN_OPTION_TOLD;
     if (device) o->def.object.device = text;
     else if (kn_choice_of("cpu|fixed", text) < 0) return "cpu, fixed, uart:, pty:, pcie: or shm:";

@@ -113,7 +113,7 @@ static const char *take_backend(void *options, const char *name)
     replay_options *opt = options;
     char why[KN_LINK_WHY];
     if (!strcmp(name, "cpu")) return NULL;
-    bool device = kn_backend_is_device(name);
+    bool device = strchr(name, ':');
     if (device && !kn_link_is_uri(name, why)) {
         kn_complain("replay", KN_EXIT_USAGE, "--backend %s", why);
         return KN_OPTION_TOLD;

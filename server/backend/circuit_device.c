@@ -361,7 +361,7 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
         snprintf(why, KN_LINK_WHY, "%.100s: not enough memory", uri);
         return NULL;
     }
-    d->linked = kn_link_open(&d->link, uri, why);
+    d->linked = kn_link_open(&d->link, uri, "/sys", why);
     if (!d->linked) {
         free(d);
         return NULL;
@@ -406,7 +406,7 @@ kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
     // Treat the link as broken until it has answered, because its name may now lead to another device, as with the
     // number of a pseudo-terminal.
     d->broken = true;
-    if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, d->why)))
+    if (!d->linked && !(d->linked = kn_link_open(&d->link, d->uri, "/sys", d->why)))
         return lose(d, KN_LOSS_REMOVED, KN_LINK_GONE);
     d->link.forget(d->link.self);
     if (d->state != KN_DEVICE_LOST) d->state = KN_DEVICE_CLOSED;

@@ -692,11 +692,3 @@ bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_devic
     snprintf(why, KN_LINK_WHY, "its state has the checksum %08x, the twin's %08x", circuit, own);
     return false;
 }
-
-bool kn_backend_is_device(const char *name)
-{
-    static const char *const scheme[] = {"uart:", "pty:", "pcie:", "shm:"};
-    for (size_t i = 0; i < sizeof scheme / sizeof *scheme; i++)
-        if (strncmp(name, scheme[i], strlen(scheme[i])) == 0) return true;
-    return false;
-}

@@ -71,7 +71,4 @@ bool kn_backend_fpga_news(kn_backend *backend, char line[KN_FPGA_LINE]);
 // own counters in `stats`.
 bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_device_stats *stats);
 
-// Return true if this value of --backend is the URI of a device.
-bool kn_backend_is_device(const char *name);
-
 #endif

@@ -97,7 +97,7 @@ bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY])
     return parse(uri, text, &o, why);
 }
 
-bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY])
+bool kn_link_open(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY])
 {
     char text[KN_LINK_URI];
     options o;
@@ -105,9 +105,4 @@ bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why
     if (!where || !open_parsed(link, text, where, &o, sysfs, why)) return false;
     link->miss_ns = (int64_t)(1e6 * o.miss_ms);
     return true;
-}
-
-bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY])
-{
-    return kn_link_open_at(link, uri, "/sys", why);
 }

@@ -65,9 +65,8 @@ bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
 
 // Open a link. `link` is zero, or was closed and is opened again. Return false on failure; `why` is then one line that
 // says what is wrong and, if the URI is invalid, what was expected. A file is opened for this process alone.
-bool kn_link_open(kn_link *link, const char *uri, char why[KN_LINK_WHY]);
 // `sysfs`: path of sysfs, normally "/sys".
-bool kn_link_open_at(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
+bool kn_link_open(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
 
 bool kn_link_is_function(const char *s); // return true for the address of a PCI function, DDDD:BB:DD.F
 // Put the last part of a link in the folder of a PCI function into `value`: "vfio-pci" for `driver`, "7" for

@@ -231,15 +231,15 @@ TEST("an invalid URI is refused in one line that says what was expected")
     char why[KN_LINK_WHY], longest[400] = "shm:";
     kn_link link = {0};
     for (int i = 0; word_of(wrong, i); i++) {
-        CHECK(!kn_link_open(&link, word_of(wrong, i), why) && strstr(why, "expected ") && !strchr(why, '\n'));
+        CHECK(!kn_link_open(&link, word_of(wrong, i), "/sys", why) && strstr(why, "expected ") && !strchr(why, '\n'));
         CHECK(!kn_link_is_uri(word_of(wrong, i), why) && strstr(why, "expected ") && !strchr(why, '\n'));
     }
     for (int i = 0; i < 3; i++) {
         CHECK(kn_link_is_uri(absent[i][0], why));
-        CHECK(!kn_link_open(&link, absent[i][0], why) && strstr(why, absent[i][1]));
+        CHECK(!kn_link_open(&link, absent[i][0], "/sys", why) && strstr(why, absent[i][1]));
     }
     memset(longest + 4, 'a', sizeof longest - 5);
-    CHECK(!kn_link_open(&link, longest, why) && strstr(why, "expected "));
+    CHECK(!kn_link_open(&link, longest, "/sys", why) && strstr(why, "expected "));
     CHECK(kn_link_is_uri("pcie:0000:01:00.0?miss=2", why));
 }
 
@@ -249,7 +249,7 @@ TEST("a circuit is identified by one program at a time, and an unsuitable object
         char why[KN_LINK_WHY];
         AT_END(lab_close) lab l = lab_open(start_on(bar, NULL, "1"), 50, NODES, EDGES);
         kn_link second = {0};
-        CHECK(!kn_link_open(&second, l.board.uri, why) && strstr(why, "in use by another program"));
+        CHECK(!kn_link_open(&second, l.board.uri, "/sys", why) && strstr(why, "in use by another program"));
         CHECK(kn_device_state_of(l.device) == KN_DEVICE_CLOSED && load(&l) == KN_LINK_PROTOCOL);
         CHECK(identify(&l) == KN_LINK_OK && kn_device_state_of(l.device) == KN_DEVICE_IDENTIFIED);
         const kn_device_caps *caps = kn_device_caps_of(l.device);
@@ -483,7 +483,7 @@ TEST("a serial line is opened by name with its speed and a short latency timer, 
     run("f=%s; mkdir -p ${f%%/*} && echo 7 >$f", path);
     snprintf(uri, sizeof uri, "uart:%.100s?baud=921600", real);
     kn_link link = {0};
-    CHECK(kn_link_open_at(&link, uri, sysfs, why));
+    CHECK(kn_link_open(&link, uri, sysfs, why));
     CHECK_STR(link.name, "uart");
     CHECK(link.byte_ns == 10000000000 / 921600);
     FILE *timer = fopen(path, "r");
@@ -509,10 +509,10 @@ TEST("a card's registers are its resource0, and a card that reads all ones is go
     snprintf(path, sizeof path, "%s/bus/pci/devices/0000:01:00.0/resource0", sysfs);
     int fd = open(path, O_RDWR | O_CREAT, 0600);
     kn_link link = {0};
-    CHECK(!kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "expected the registers"));
+    CHECK(!kn_link_open(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "expected the registers"));
     CHECK(ftruncate(fd, 65536) == 0 && pwrite(fd, &id, 4, 0) == 4);
-    CHECK(!kn_link_open_at(&link, "pcie:0000:02:00.0", sysfs, why) && strstr(why, "No such file"));
-    CHECK(kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why));
+    CHECK(!kn_link_open(&link, "pcie:0000:02:00.0", sysfs, why) && strstr(why, "No such file"));
+    CHECK(kn_link_open(&link, "pcie:0000:01:00.0", sysfs, why));
     kn_request r;
     kn_reply reply;
     kn_request_begin(&r, 1);
@@ -550,11 +550,11 @@ TEST("a card of vfio-pci is never opened by sysfs")
         "ln -s ../../../../kernel/iommu_groups/999999 iommu_group",
         folder);
     kn_link link = {0};
-    CHECK(!kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "by vfio-pci: /dev/vfio/"));
+    CHECK(!kn_link_open(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "by vfio-pci: /dev/vfio/"));
     run("rm %s/driver", folder); // as while the function is removed
-    CHECK(!kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "bound to vfio-pci, as before"));
+    CHECK(!kn_link_open(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(why, "bound to vfio-pci, as before"));
     link = (kn_link){0};
-    CHECK(kn_link_open_at(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(link.notice, "without isolation"));
+    CHECK(kn_link_open(&link, "pcie:0000:01:00.0", sysfs, why) && strstr(link.notice, "without isolation"));
     link.close(link.self);
     run("rm -r %s", sysfs);
 }
