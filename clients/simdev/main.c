@@ -20,13 +20,18 @@ static void on_signal(int signal)
 static void help(void)
 {
     puts("usage: knead-simdev --uart [OPTION]...\n"
-         "       knead-simdev --bar NAME [OPTION]...\n\n"
-         "Simulate a circuit that steps a lattice: serve its registers behind a serial line or in shared memory.\n"
-         "Print the URI by which a host reaches the circuit, run until SIGTERM or SIGINT, then print the counters.\n\n"
+         "       knead-simdev --bar NAME [OPTION]...\n"
+         "       knead-simdev --pci [OPTION]... QEMU ARGUMENT...\n\n"
+         "Simulate a circuit that steps a lattice: serve its registers behind a serial line, in shared memory, or as a\n"
+         "PCI card of a virtual machine.\n"
+         "Print the URI by which a host reaches the circuit (not --pci), run until SIGTERM or SIGINT, then print the\n"
+         "counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
          "  --link PATH       symbolic link to the terminal; PATH stays the same after an unplug or a restart\n"
          "  --bar NAME        act as the memory of a PCI card, in /dev/shm/NAME\n"
+         "  --pci             run the command QEMU ARGUMENT..., and be its -device x-pci-proxy-dev,fd=3: a PCI card\n"
+         "                    1234:4b4e with the registers in BAR 0. End when QEMU ends\n"
          "  --engine NAME     golden or rtl (default: golden)\n"
          "                    golden computes the lattice in integers, in real time.\n"
          "                    rtl is the circuit of hdl/rtl, simulated by Verilator, with its own link for --uart.\n"
@@ -36,15 +41,17 @@ static void help(void)
          "                    golden: 0..16,0..20,1..10 (default: 12,16,10); rtl: always 10,14,10\n"
          "  --seed N          seed of the random numbers (default: 1)\n"
          "  --fault NAME[=RATE],...\n"
-         "                    inject faults at random into this share of the requests (default: 0.01):");
+         "                    inject faults at random into this share of the requests (default: 0.01; not --pci):");
 #define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
     printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
     KN_LINK_FAULTS(KN_LINK_FAULT_HELP)
 #undef KN_LINK_FAULT_HELP
     puts("\nExamples:\n"
          "    knead-simdev --uart --link board\n"
-         "    knead-simdev --bar knead-card --fault delay=0.001,hang --seed 2\n\n"
-         "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, or NAME is in use.");
+         "    knead-simdev --bar knead-card --fault delay=0.001,hang --seed 2\n"
+         "    knead-simdev --pci qemu-system-x86_64 -device x-pci-proxy-dev,fd=3 -m 1G disk.img \\\n"
+         "        -object memory-backend-memfd,id=ram,size=1G -machine q35,memory-backend=ram\n\n"
+         "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, NAME is in use, or QEMU failed.");
 }
 // clang-format on
 
@@ -72,20 +79,29 @@ static bool power_up(kn_engine *engine, bool rtl, kn_engine_caps caps)
     return !rtl && kn_engine_golden(engine, caps);
 }
 
-// Serve until a signal comes, then print the number of requests and of injected faults.
-static int serve(kn_simdev *s, bool rtl, kn_engine_caps caps, const char *link, const char *bar)
+typedef struct options {
+    kn_link_faults *faults;
+    const char *link, *bar;
+    bool uart, pci, sized, rtl;
+    kn_engine_caps caps;
+    unsigned long long seed, baud;
+} options;
+
+// Serve until a signal comes or QEMU ends, then print the number of requests and of injected faults.
+static int serve(kn_simdev *s, const options *o, char **qemu)
 {
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     s->stop = &stop;
-    if (!power_up(&s->engine, rtl, caps)) {
+    if (!power_up(&s->engine, o->rtl, o->caps)) {
         fputs("knead-simdev: out of memory\n", stderr);
         return 3;
     }
-    bool good = bar ? kn_simdev_bar(s, bar) : kn_simdev_uart(s, link);
-    if (!good) fprintf(stderr, "knead-simdev: %s: %s\n", bar ? bar : link ? link : "pseudo-terminal", strerror(errno));
-    const char *before = !bar && s->engine.hear ? " behind knead_link" : "";
+    const char *what = o->pci ? qemu[0] : o->bar ? o->bar : o->link ? o->link : "pseudo-terminal";
+    bool good = o->pci ? kn_simdev_pci(s, qemu) : o->bar ? kn_simdev_bar(s, o->bar) : kn_simdev_uart(s, o->link);
+    if (!good && errno) fprintf(stderr, "knead-simdev: %s: %s\n", what, strerror(errno));
+    const char *before = o->uart && s->engine.hear ? " behind knead_link" : "";
     printf("%s%s: %lld requests", s->engine.name, before, (long long)s->requests);
     for (int i = 0; i < KN_LINK_FAULT_COUNT; i++)
         if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_link_fault_word((kn_link_fault)i));
@@ -93,14 +109,6 @@ static int serve(kn_simdev *s, bool rtl, kn_engine_caps caps, const char *link, 
     s->engine.destroy(s->engine.bus.self);
     return good ? 0 : 3;
 }
-
-typedef struct options {
-    kn_link_faults *faults;
-    const char *link, *bar;
-    bool uart, sized, rtl;
-    kn_engine_caps caps;
-    unsigned long long seed, baud;
-} options;
 
 static const char *take_seed(void *value, const char *text)
 {
@@ -132,28 +140,29 @@ static int run(int argc, char **argv)
         KN_OPTION("link", TEXT, AT(link)),
         KN_OPTION("baud", SPECIAL, AT(baud), .take = take_baud),
         KN_OPTION("bar", TEXT, AT(bar)),
+        KN_OPTION("pci", FLAG, AT(pci)),
         KN_OPTION("engine", EITHER, AT(rtl), .unit = "golden|rtl"),
         KN_OPTION("caps", SPECIAL, AT(caps), .given = offsetof(options, sized), .take = take_caps),
         KN_OPTION("fault", SPECIAL, AT(faults), .take = take_faults),
         KN_OPTION("seed", SPECIAL, AT(seed), .take = take_seed),
     };
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "knead-simdev", .print_help = help,
-                                          .version = "knead-simdev " KN_VERSION};
+                                          .version = "knead-simdev " KN_VERSION, .options_first = true};
     static kn_simdev s;
     options o = {.faults = &s.faults, .caps = {12, 16, 10}, .seed = 1};
     const int code = kn_options_read(&table, &o, argc, argv);
     if (code != KN_OPTIONS_READ) return code;
-    if (optind < argc) return bad(argv[optind], "options only");
-    if (o.uart == (o.bar != NULL))
-        return bad(o.uart ? "--uart and --bar" : "no connection", "one of --uart and --bar NAME");
+    if (o.uart + o.pci + (o.bar != NULL) != 1) return bad("connection", "exactly one of --uart, --bar NAME and --pci");
+    if (optind < argc && !o.pci) return bad(argv[optind], "options only");
+    if (optind == argc && o.pci) return bad("--pci", "the command that runs QEMU behind the options");
     if (o.link && !o.uart) return bad("--link", "--uart with it");
     if (o.baud && !o.uart) return bad("--baud", "--uart with it");
     if (o.baud) s.byte_ns = 10000000000 / (int64_t)o.baud;
     if (o.bar && (!*o.bar || *o.bar == '.' || strlen(o.bar) > 199 || strchr(o.bar, '/')))
         return bad(o.bar, "--bar with a name of 1 to 199 letters, without /");
-    for (int i = 0; o.bar && i < KN_LINK_FAULT_COUNT; i++)
-        if (s.faults.rate[i] > 0 && kn_link_fault_of_frames((kn_link_fault)i))
-            return bad(kn_link_fault_word((kn_link_fault)i), "--uart, because shared memory has no frames");
+    for (int i = 0; !o.uart && i < KN_LINK_FAULT_COUNT; i++)
+        if (s.faults.rate[i] > 0 && (o.pci || kn_link_fault_of_frames((kn_link_fault)i)))
+            return bad(kn_link_fault_word((kn_link_fault)i), "--uart, because memory has no frames");
     if (o.rtl && o.sized) return bad("--caps", "--engine golden, because the circuit is built for 10,14,10");
     if (o.rtl && s.faults.rate[KN_LINK_FAULT_TORN] > 0)
         return bad("torn", "--engine golden, because the circuit steps only on request");
@@ -162,7 +171,7 @@ static int run(int argc, char **argv)
         return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;
 #endif
     s.faults.seed = (o.seed + 1) * 0x9e3779b97f4a7c15u;
-    return serve(&s, o.rtl, o.caps, o.link, o.bar);
+    return serve(&s, &o, argv + optind);
 }
 
 int main(int argc, char **argv)

@@ -52,13 +52,6 @@ static void push_registers(bar *b)
     if (b->simdev->faults.rate[KN_LINK_FAULT_HASH] > 0) b->word[KN_REG_BUILD_HASH] ^= 1;
 }
 
-// Wait until the engine is not busy. Reading its status lets a simulated circuit run.
-static void run_out(bar *b)
-{
-    const kn_engine *e = &b->simdev->engine;
-    for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;) continue;
-}
-
 // Copy the whole object from the file into the engine.
 static void pull_image(bar *b)
 {
@@ -105,7 +98,7 @@ static void obey(bar *b, uint32_t address, uint32_t word)
         pull(b, KN_WINDOW_BOUNDS, 4 * bounds(b));
     }
     bus->write(bus->self, address, word);
-    run_out(b);
+    kn_simdev_run_out(&b->simdev->engine);
     if (address == KN_REG_CONTROL && word & (KN_CONTROL_CRC | KN_CONTROL_REST)) push_state(b);
     if (address == KN_REG_STEP_SEQ) push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
     push_registers(b);

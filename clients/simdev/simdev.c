@@ -1,6 +1,7 @@
 // Functions for both kinds of link, serial line and shared memory: faults at random, and faults that strike a whole
 // request.
 #include "clients/simdev/simdev.h"
+#include "hdl/registers.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -75,6 +76,11 @@ size_t kn_link_faults_mangle(kn_link_faults *faults, uint8_t *wire, size_t size)
 }
 
 void kn_simdev_sleep_us(uint32_t us) { nanosleep(&(struct timespec){0, 1000L * (long)us}, NULL); }
+
+void kn_simdev_run_out(const kn_engine *e)
+{
+    for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;) continue;
+}
 
 bool kn_simdev_suffer(kn_simdev *s, bool *blanked)
 {

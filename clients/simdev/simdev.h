@@ -55,9 +55,13 @@ typedef struct kn_simdev {
 } kn_simdev;
 
 // Serve on a pseudo-terminal. link: path of a symbolic link to the terminal, which is created again when the terminal
-// changes; NULL: no symbolic link. Return false with errno set on failure.
+// changes; NULL: no symbolic link. Return false with errno set on failure; 0: QEMU has failed and said why.
 bool kn_simdev_uart(kn_simdev *simdev, const char *link);
 bool kn_simdev_bar(kn_simdev *simdev, const char *name); // /dev/shm/NAME
+bool kn_simdev_pci(kn_simdev *simdev, char **qemu);      // in a guest of this command, until the command ends
+
+// Wait until the engine is not busy. Reading its status lets a simulated circuit run.
+void kn_simdev_run_out(const kn_engine *engine);
 
 void kn_simdev_sleep_us(uint32_t us);
 

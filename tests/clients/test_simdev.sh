@@ -23,19 +23,22 @@ done
 knead-simdev --help >/dev/full 2>err
 [ $? -eq 3 ] || fail "--help on a full disk does not exit with 3"
 
-refuses 2 "knead-simdev: no connection: expected one of --uart and --bar NAME"
-refuses 2 "knead-simdev: --uart and --bar: expected one of --uart and --bar NAME" --uart --bar x
+refuses 2 "knead-simdev: connection: expected exactly one of --uart, --bar NAME and --pci"
+refuses 2 "knead-simdev: connection: expected exactly one of --uart, --bar NAME and --pci" --uart --bar x
+refuses 2 "knead-simdev: --pci: expected the command that runs QEMU behind the options" --pci
 refuses 2 "knead-simdev: a/b: expected --bar with a name of 1 to 199 letters, without /" --bar a/b
 refuses 2 "knead-simdev: --link: expected --uart with it" --bar x --link y
 refuses 2 "knead-simdev: spin=1: expected --fault NAME[=RATE] with a rate of 0 to 1; --help lists the names" --uart --fault flip,spin=1
 refuses 2 "knead-simdev: flip=2: expected --fault NAME[=RATE] with a rate of 0 to 1; --help lists the names" --uart --fault flip=2
-refuses 2 "knead-simdev: flip: expected --uart, because shared memory has no frames" --bar x --fault flip
+refuses 2 "knead-simdev: flip: expected --uart, because memory has no frames" --bar x --fault flip
 refuses 2 "knead-simdev: --caps 1,2: expected 0..16,0..20,1..10" --uart --caps 1,2
 refuses 2 "knead-simdev: --seed 1x: expected a whole number" --uart --seed 1x
 refuses 2 "knead-simdev: --engine fast: expected golden or rtl" --uart --engine fast
 refuses 2 "knead-simdev: torn: expected --engine golden, because the circuit steps only on request" --uart --engine rtl --fault torn
 refuses 2 "knead-simdev: --caps: expected --engine golden, because the circuit is built for 10,14,10" --uart --engine rtl --caps 1,2,3
 refuses 2 "knead-simdev: more: expected options only" --uart more
+begun=yes refuses 3 "knead-simdev: none/qemu: No such file or directory" --pci none/qemu
+begun=yes refuses 3 "knead-simdev: sh: message 9: expected those of QEMU 7.2" --pci sh -c "printf '\\11%15s' | tr ' ' '\\0' >&3"
 begun=yes refuses 3 "knead-simdev: none/link: No such file or directory" --uart --link none/link
 echo mine >file
 begun=yes refuses 3 "knead-simdev: file: File exists" --uart --link file
