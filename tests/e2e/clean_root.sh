@@ -1,6 +1,5 @@
 # Sourced by tests that install Knead into a root that mmdebstrap makes, as on a fresh machine.
 source "$KN_SOURCE/tests/e2e/kneadd.sh" || exit 70
-skip() { echo "skipped: $1" && exit 77; }
 [ "$(id -u)" = 0 ] || skip "only root can make a root to install into"
 command -v mmdebstrap >/dev/null || skip "no mmdebstrap here (tests/packages)"
 read -r _ _ _ parent _ <"/proc/$PPID/stat"

@@ -11,6 +11,7 @@ check() {
     failed=1
     return 1
 }
+skip() { echo "skipped: $1" && exit 77; }
 python3() { /usr/bin/python3 "$@"; } # Debian's python3, independent of PATH
 exec {never}<> <(:)
 pause() { read -rt "$1" -u "$never" || return 0; } # seconds; avoids the fork of sleep
