@@ -356,7 +356,7 @@ bool kn_link_card(const char *sysfs, const char *function, const char *name, cha
 static bool open_vfio(bar *b, const char *function, const char *group, char why[KN_LINK_WHY])
 {
     struct vfio_region_info region = {.argsz = sizeof region, .index = VFIO_PCI_BAR0_REGION_INDEX};
-    char step[128] = "/dev/vfio/vfio";
+    char step[160] = "/dev/vfio/vfio";
     b->fd[CONTAINER] = open(step, O_RDWR | O_CLOEXEC);
     if (b->fd[CONTAINER] >= 0) {
         snprintf(step, sizeof step, "/dev/vfio/%s", group);
