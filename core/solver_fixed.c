@@ -296,6 +296,8 @@ typedef struct work { // data of a step, in the scratch memory
     kn_fixed_bound *bound;  // boundary list of the tick, at most one record per node
     int64_t (*reaction)[3]; // reaction of each record in `bound`
     kn_fixed_watch watch;
+    int count; // number of records in `bound`
+    bool late; // the watch was late: the next step continues with this boundary list
 } work;
 
 // Lay out the data of a step from `base` on, and return its size in bytes. If `base` is NULL, only measure.
@@ -324,12 +326,15 @@ void kn_fixed_watch_by(kn_scratch *scratch, kn_fixed_watch watch)
 {
     work *w = scratch->stages;
     w->watch = watch;
+    w->late = false;
 }
 
-void kn_fixed_read(const kn_model *m, const kn_state *state, kn_fixed *engine)
+bool kn_fixed_late(const kn_scratch *scratch) { return ((const work *)scratch->stages)->late; }
+
+static void read_nodes(const kn_model *m, const kn_state *state, kn_fixed *engine)
 {
     const kn_fixed_model *f = m->fixed;
-    const double *moved = state->displacement, *velocity = state->velocity, *strain = state->strain;
+    const double *moved = state->displacement, *velocity = state->velocity;
     for (int n = 0; n < m->node_count; n++) {
         for (size_t k = 0; k < 3; k++) {
             const size_t at = m->offset[n] + k * m->stride, c = 3 * (size_t)n + k;
@@ -337,14 +342,24 @@ void kn_fixed_read(const kn_model *m, const kn_state *state, kn_fixed *engine)
             engine->u[c] = (int32_t)to_units(velocity[at] * m->law.dt_s, f->lambda_m);
         }
     }
-    for (int e = 0; e < m->edge_count; e++) engine->h[e] = llround(strain[m->edges[e].slot] * f->spring[e]);
 }
 
-// Convert the engine's integers back to the state. This is the inverse of kn_fixed_read.
-static void store_state(const kn_model *m, kn_state *state, const kn_fixed *engine)
+static void read_edges(const kn_model *m, const kn_state *state, kn_fixed *engine)
+{
+    const double *strain = state->strain;
+    for (int e = 0; e < m->edge_count; e++) engine->h[e] = llround(strain[m->edges[e].slot] * m->fixed->spring[e]);
+}
+
+void kn_fixed_read(const kn_model *m, const kn_state *state, kn_fixed *engine)
+{
+    read_nodes(m, state, engine);
+    read_edges(m, state, engine);
+}
+
+static void write_nodes(const kn_model *m, const kn_fixed *engine, kn_state *state)
 {
     const kn_fixed_model *f = m->fixed;
-    double *moved = state->displacement, *velocity = state->velocity, *strain = state->strain;
+    double *moved = state->displacement, *velocity = state->velocity;
     for (int n = 0; n < m->node_count; n++) {
         for (size_t k = 0; k < 3; k++) {
             const size_t at = m->offset[n] + k * m->stride, c = 3 * (size_t)n + k;
@@ -352,8 +367,20 @@ static void store_state(const kn_model *m, kn_state *state, const kn_fixed *engi
             velocity[at] = f->lambda_m * engine->u[c] / m->law.dt_s;
         }
     }
+}
+
+static void write_edges(const kn_model *m, const kn_fixed *engine, kn_state *state)
+{
+    const kn_fixed_model *f = m->fixed;
+    double *strain = state->strain;
     for (int e = 0; e < m->edge_count; e++)
         strain[m->edges[e].slot] = f->spring[e] > 0 ? (double)engine->h[e] / f->spring[e] : 0;
+}
+
+void kn_fixed_write(const kn_model *m, const kn_fixed *engine, kn_state *state)
+{
+    write_nodes(m, engine, state);
+    write_edges(m, engine, state);
 }
 
 // Return the boundary record of a node. If there is none, add a record that pushes with force 0.
@@ -444,25 +471,39 @@ static void read_forces(const kn_model *m, kn_contact *contact, const work *w, c
     output->capped = (result->flags & ~(uint32_t)KN_FIXED_SAT_RESIDUAL) != 0;
 }
 
-void kn_solve_fixed(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
-                    kn_output *output)
+// Convert the state to integers, and build the boundary list of the tick.
+static void build_list(const kn_model *model, const kn_state *state, kn_contact *contact, double top_load_n, work *w)
 {
-    work *w = scratch->stages;
-    kn_fixed_result result;
-    int count = 0;
+    w->count = 0;
     memset(w->place, 0xff, (size_t)model->node_count * sizeof *w->place);
     // convert the state to integers; clear the flags, so that they tell about this step only
     w->engine.flags = 0;
-    kn_fixed_read(model, state, &w->engine);
+    read_nodes(model, state, &w->engine);
     // build the boundary list: held nodes, pushed nodes, gas
-    hold_nodes(model, &scratch->contact, w, &count);
-    push_nodes(model, &scratch->contact, input->top_load_n, w, &count);
-    if (w->moved_m) push_gas(model, w, &count);
-    quantize_loads(model, w, count);
-    // tell the watch before the tick, so that a circuit can compute the tick at the same time
-    if (w->watch.begin) w->watch.begin(w->watch.self, w->bound, count);
-    kn_fixed_tick(&w->engine, w->bound, count, w->reaction, &result);
-    if (w->watch.end) w->watch.end(w->watch.self, (const int64_t(*)[3])w->reaction, &result);
-    store_state(model, state, &w->engine);
+    hold_nodes(model, contact, w, &w->count);
+    push_nodes(model, contact, top_load_n, w, &w->count);
+    if (w->moved_m) push_gas(model, w, &w->count);
+    quantize_loads(model, w, w->count);
+}
+
+bool kn_solve_fixed(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
+                    kn_output *output)
+{
+    work *w = scratch->stages;
+    kn_fixed_result result = {0};
+    kn_fixed_where where = KN_FIXED_HERE;
+    if (!w->late) build_list(model, state, &scratch->contact, input->top_load_n, w);
+    // tell the watch before the tick, so that a circuit can compute the tick at the same time, or instead
+    if (w->watch.begin) where = w->watch.begin(w->watch.self, w->bound, w->count, &w->engine, w->reaction, &result);
+    w->late = where == KN_FIXED_LATE;
+    if (w->late) return false;
+    if (where == KN_FIXED_HERE) {
+        read_edges(model, state, &w->engine);
+        kn_fixed_tick(&w->engine, w->bound, w->count, w->reaction, &result);
+        if (w->watch.end) w->watch.end(w->watch.self, (const int64_t(*)[3])w->reaction, &result);
+        write_edges(model, &w->engine, state);
+    }
+    write_nodes(model, &w->engine, state);
     read_forces(model, &scratch->contact, w, &result, output);
+    return true;
 }

@@ -43,20 +43,34 @@ void kn_fixed_scratch_init(const kn_model *model, void *scratch);
 
 // Convert a state to the integers x, u, h of `into`, which was initialised with the model's image. Real-time safe.
 void kn_fixed_read(const kn_model *model, const kn_state *state, kn_fixed *into);
+// The inverse of kn_fixed_read: store x, u, h in the state. Real-time safe.
+void kn_fixed_write(const kn_model *model, const kn_fixed *from, kn_state *state);
 
-// Functions that the step calls, so that a circuit or another program can compute the same ticks in parallel. `begin`
-// gets the boundary list of a tick before the tick is computed. `end` gets the results of the tick. Both get `self`.
+// Where a tick is computed.
+typedef enum kn_fixed_where {
+    KN_FIXED_HERE,  // by this step
+    KN_FIXED_THERE, // by a circuit, which has given its results; the strains of the state stay those of an older tick
+    KN_FIXED_LATE   // by a circuit that has not answered: the step ends, and the next step continues it
+} kn_fixed_where;
+
+// Functions that the step calls, so that a circuit or another program can compute the same ticks in parallel or
+// instead. `begin` gets the boundary list of a tick before the tick is computed, and the integers x, u of the state. If
+// it returns THERE, it has stored the new x and u, the reactions and the result. If it returns LATE, kn_step returns
+// without results, and the next kn_step calls it with the same list again, whatever input that kn_step gets. `end` gets
+// the results of a tick that was computed here. Both get `self`.
 typedef struct kn_fixed_watch {
     void *self;
-    void (*begin)(void *self, const kn_fixed_bound *bound, int count);
+    kn_fixed_where (*begin)(void *self, const kn_fixed_bound *bound, int count, kn_fixed *engine,
+                            int64_t (*reaction)[3], kn_fixed_result *result);
     void (*end)(void *self, const int64_t (*reaction)[3], const kn_fixed_result *result);
 } kn_fixed_watch;
-// Have the steps with a scratch call `watch`. The model must have KN_SOLVER_FIXED.
+// Have the steps with a scratch call `watch`, and drop a step that was LATE. The model must have KN_SOLVER_FIXED.
 void kn_fixed_watch_by(kn_scratch *scratch, kn_fixed_watch watch);
+bool kn_fixed_late(const kn_scratch *scratch); // return true if the last step was LATE, so that the next continues it
 
 // Advance displacement, velocity and strain by one step, and store the forces of the contact's held nodes and samples.
-// kn_step calls this function. Real-time safe.
-void kn_solve_fixed(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
+// Return false if the watch was LATE. kn_step calls this function. Real-time safe.
+bool kn_solve_fixed(const kn_model *model, kn_state *state, kn_scratch *scratch, const kn_input *input,
                     kn_output *output);
 
 #endif

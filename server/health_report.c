@@ -355,8 +355,8 @@ static void tell_ready(kn_health_check *c, FILE *out)
         if (circuit.notice) fprintf(out, "kneadd: %s\n", circuit.notice);
         if (c->rest_ns > REST_TICK_NS)
             fprintf(out,
-                    "kneadd: expected at most %g ms per tick: the circuit will fall behind, and its twin on the "
-                    "processor gives the forces\n",
+                    "kneadd: expected at most %g ms per tick: the circuit will fall behind; its twin on the processor "
+                    "gives the forces, unless the circuit computes alone\n",
                     1e-6 * REST_TICK_NS);
     } else if (c->rest_ns > REST_TICK_NS)
         fprintf(

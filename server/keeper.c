@@ -98,7 +98,7 @@ static bool relimiting(const kn_servo *servo)
 void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wake, int64_t utime)
 {
     kn_keeper *k = keeper;
-    const kn_state *now = servo->backend->state(servo->backend->self);
+    const kn_state *now = kn_backend_shape(servo->backend);
     // one copy a tick, and none in a tick in which the energy audit copies
     if (atomic_load(&k->copying) && wake->tick % 1000 != 0 && !now->bad && !relimiting(servo)) {
         copy_object(k, &k->outgoing, servo, wake->tick, utime);
@@ -119,7 +119,8 @@ void kn_keeper_tick(kn_keeper *keeper, const kn_servo *servo, const kn_wake *wak
     if ((!k->due && asked == k->asked_served) || now->bad || atomic_load(&slot->full) || relimiting(servo)) return;
     // Copy if a snapshot was requested, the last save failed, or the object has moved.
     k->due = false;
-    if (asked == k->asked_served && !atomic_exchange(&k->again, false) && !moved(k, servo, now)) {
+    if (asked == k->asked_served && !atomic_exchange(&k->again, false) &&
+        !moved(k, servo, servo->backend->state(servo->backend->self))) {
         confirm(k, wake->now_ns);
         return;
     }

@@ -198,6 +198,11 @@ static bool check_restores(kn_replay *r, const kn_replay_def *def, char *error, 
         if (e->kind == KNEAD_EVENT_T_KIND_SET) break;
         if (e->kind != KNEAD_EVENT_T_KIND_RESTORE || e->arg[0] == 0) continue;
         if (def->snapshot_path && find_state(r, (uint64_t)e->state_hash, why, sizeof why)) continue;
+        if (e->arg[0] < 0)
+            return kn_refuse(error, error_size,
+                             "%s: at tick %lld the circuit was lost, and the object went back to its state of tick "
+                             "%.0f, which the log does not hold: expected a log without such a loss",
+                             def->log_path, (long long)e->tick, e->arg[1]);
         return kn_refuse(
             error, error_size,
             "%s: at tick %lld the server restored generation %.0f of its snapshots, state 0x%016llx%s%s%s%s, "

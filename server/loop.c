@@ -185,8 +185,7 @@ static void queue_touches(kn_loop *loop, const kn_tick_record *record)
         const kn_force *f = &record->out.force[p];
         kn_touch_patch touched = {.utime = record->utime, .session = f->session, .pose_seq = f->seq, .probe = p};
         if (!f->live) continue;
-        kn_touch_read(loop->servo.model, backend->state(backend->self), backend->scratch(backend->self), p,
-                      &touched.touch);
+        kn_touch_read(loop->servo.model, kn_backend_shape(backend), backend->scratch(backend->self), p, &touched.touch);
         kn_ring_push(&loop->touches, &touched);
     }
     if (loop->notify) loop->notify(loop->notify_arg);
@@ -213,8 +212,11 @@ static void leave_copy(kn_loop *loop, const kn_tick_record *record)
 static void capture_skin(kn_loop *loop, const kn_tick_record *record)
 {
     const kn_servo *servo = &loop->servo;
-    kn_skin_capture(loop->skin, servo->model, servo->backend->state(servo->backend->self), record->out.tick,
-                    servo->generation);
+    kn_backend *backend = servo->backend;
+    if (record->out.tick < loop->skin->next_tick) return;
+    // only measures need the strains
+    const kn_state *state = loop->skin->measures ? backend->state(backend->self) : kn_backend_shape(backend);
+    kn_skin_capture(loop->skin, servo->model, state, record->out.tick, servo->generation);
 }
 
 static bool has_touches(const kn_loop *loop) { return loop->touches.capacity > 0; }

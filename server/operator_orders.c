@@ -140,11 +140,12 @@ static void begin_replacement(kn_tick *t)
     t->hashed = false;
 }
 
-// Replace the object by `state`, and record an event with the hash of that state. `generation` 0: an undo.
+// Replace the object by `state`, and record an event with the hash of that state. `generation` 0: an undo. `state` NULL:
+// the backend has replaced the object itself, as it lost a circuit.
 static void restore(kn_tick *t, const kn_state *state, int64_t generation, int64_t from_tick)
 {
     kn_backend *b = t->servo->backend;
-    b->restore(b->self, state);
+    if (state) b->restore(b->self, state);
     t->hashed = false;
     kn_event *e = kn_tick_event(t, KNEAD_EVENT_T_KIND_RESTORE, -1);
     e->arg[0] = (double)generation;
@@ -164,10 +165,14 @@ static void undo(kn_tick *t)
     restore(t, point, 0, 0);
 }
 
-// Apply reset, restore and undo, in this order.
+// Tell what the backend did when it lost its circuit, then apply reset, restore and undo, in this order.
 static void replace(kn_tick *t)
 {
     kn_backend *b = t->servo->backend;
+    if (t->servo->lost) {
+        begin_replacement(t);
+        restore(t, NULL, -1, t->in->tick - 1 - t->in->missed - b->back(b->self));
+    }
     if (t->in->reset) {
         begin_replacement(t);
         b->reset(b->self);

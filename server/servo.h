@@ -159,6 +159,8 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     int64_t slow_ns;  // total duration of the latest run of consecutive ticks longer than 1 ms, ns
     int slow;         // number of ticks summed in slow_ns, counted up to KN_OVER_TICKS
     bool overloaded;  // true after slow_ns reached KN_OVERLOAD_NS; no tool acts on the object during an overload
+    bool lost;  // the backend has lost its circuit in the last tick, and has put the object back to an older state
+    bool still; // the object stands still until the circuit is back; no tool may begin to act on it
     // Number of ticks since kn_servo_init. The fields capped, late and diverged count since kn_servo_init as well.
     int64_t ticks;
     int64_t capped;     // number of steps that stopped at the solver's iteration cap or its deadline
@@ -184,6 +186,7 @@ typedef struct kn_tick {
     kn_fault fault[KN_PROBES_MAX]; // latched fault before the step
     bool stepped, diverged;
     bool shadowed; // true: the circuit was late or not in step, and its twin's result is used
+    bool held;     // true: the circuit was late, and the output is that of an earlier tick
     bool change;   // true: the solver effort or the material changes in this tick, so forces fade to 0 and return
     bool hashed;
     uint64_t hash; // state hash before the step, taken when the first event needs it

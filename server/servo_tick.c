@@ -178,8 +178,9 @@ static void watch_probe(kn_tick *t, int p)
     kn_fault before = latched(s);
     // compute the distance from tool to object only for a probe that may engage
     if (t->watch[p].live && !s->attached)
-        t->watch[p].clear = kn_clearance(servo->model, servo->backend->state(servo->backend->self), p, tool->position_m,
-                                         tool->orientation_wxyz) > LIFTED_M * fmax(1, s->limits.hold_ms / 3.0);
+        t->watch[p].clear =
+            !servo->still && kn_clearance(servo->model, kn_backend_shape(servo->backend), p, tool->position_m,
+                                          tool->orientation_wxyz) > LIFTED_M * fmax(1, s->limits.hold_ms / 3.0);
 
     kn_probe_input *input = &t->input.probe[p];
     input->attached = kn_safety_watch(s, &t->watch[p]);
@@ -215,10 +216,17 @@ static void step(kn_tick *t)
     // wait() returns by the deadline in every case
     const kn_backend_status status = b->wait(b->self, t->in->deadline_ns, &t->output);
     kn_helper_rest(t->servo->helper);
+    t->servo->lost = status == KN_BACKEND_LOST;
+    t->servo->still = t->servo->lost || status == KN_BACKEND_STILL;
     switch (status) {
     case KN_BACKEND_OK: break;
     case KN_BACKEND_SHADOWED: t->shadowed = true; break;
-    case KN_BACKEND_LATE: t->servo->late++; break;
+    case KN_BACKEND_LATE:
+    case KN_BACKEND_LOST:
+        t->held = true;
+        t->servo->late++;
+        break;
+    case KN_BACKEND_STILL: break;
     case KN_BACKEND_DIVERGED:
         t->servo->diverged++;
         t->diverged = true;
@@ -278,6 +286,7 @@ static void guard_probe(kn_tick *t, int p)
     if (t->output.capped) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_CAPPED;
     if (t->servo->quality != t->servo->asked) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
     if (t->shadowed) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_SHADOWED;
+    if (t->held) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_HELD;
     if (t->in->stop) f->flags |= KNEAD_CONTACT_FORCE_T_FLAG_STOPPING;
 }
 

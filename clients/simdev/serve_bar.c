@@ -63,10 +63,20 @@ static void pull_image(bar *b)
     pull(b, KN_WINDOW_EDGES, 8 * (b->word[KN_REG_EDGE_COUNT] & 0xfffff));
 }
 
+static uint32_t nodes(const bar *b) { return b->word[KN_REG_NODE_COUNT] & 0x1ffff; }
+static uint32_t edges(const bar *b) { return b->word[KN_REG_EDGE_COUNT] & 0xfffff; }
+
+// Copy what a tick changes: x and u of every node, h of every edge.
 static void push_state(bar *b)
 {
-    push(b, KN_WINDOW_NODES, 16 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
-    push(b, KN_WINDOW_EDGES, 8 * (b->word[KN_REG_EDGE_COUNT] & 0xfffff));
+    for (uint32_t n = 0; n < nodes(b); n++) push(b, KN_WINDOW_NODES + 16 * n, 10);
+    for (uint32_t e = 0; e < edges(b); e++) push(b, KN_WINDOW_EDGES + 8 * e + 3, 2);
+}
+
+// Copy the displacement of every node, three words.
+static void push_moves(bar *b)
+{
+    for (uint32_t n = 0; n < nodes(b); n++) push(b, KN_WINDOW_NODES + 16 * n + 7, 3);
 }
 
 static uint32_t bounds(const bar *b) { return b->word[KN_REG_BOUND_COUNT] & KN_FIXED_LIST_MAX; }
@@ -100,7 +110,10 @@ static void obey(bar *b, uint32_t address, uint32_t word)
     bus->write(bus->self, address, word);
     kn_simdev_run_out(&b->simdev->engine);
     if (address == KN_REG_CONTROL && word & (KN_CONTROL_CRC | KN_CONTROL_REST)) push_state(b);
-    if (address == KN_REG_STEP_SEQ) push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
+    if (address == KN_REG_STEP_SEQ) {
+        push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
+        push_moves(b);
+    }
     push_registers(b);
 }
 
@@ -124,7 +137,8 @@ static bool make_file(bar *b)
     push(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
     push(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
     push(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
-    push_state(b);
+    push(b, KN_WINDOW_NODES, 16 * nodes(b));
+    push(b, KN_WINDOW_EDGES, 8 * edges(b));
     push(b, KN_WINDOW_BOUNDS, 4 * bounds(b));
     push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
     return rename(fresh, b->path) == 0;

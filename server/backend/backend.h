@@ -12,7 +12,10 @@ typedef enum kn_backend_status {
     // The circuit did not answer in time; the output comes from its twin (the same computation on the processor), with
     // the same bits.
     KN_BACKEND_SHADOWED,
-    KN_BACKEND_LATE,    // the backend did not answer by the deadline; the output is that of the last tick
+    KN_BACKEND_LATE, // the backend did not answer by the deadline; the output is that of the last tick
+    // The circuit is lost, and the object went back to an older state; the output is that of the last tick.
+    KN_BACKEND_LOST,
+    KN_BACKEND_STILL,   // the circuit is lost, and the object stands still until the circuit is back; forces are zero
     KN_BACKEND_DIVERGED // the physics gave non-finite numbers; forces are zero until a reset
 } kn_backend_status;
 
@@ -24,7 +27,12 @@ typedef struct kn_backend {
     kn_backend_status (*wait)(void *self, int64_t deadline_ns, kn_output *output);
     // Return the object's state after the last wait; valid until the next submit.
     const kn_state *(*state)(void *self);
-    const kn_scratch *(*scratch)(void *self);           // scratch of the last step, which has its contact (touch.h)
+    // As `state`, but its strains may be those of an older tick. It costs nothing, whereas `state` may ask a circuit.
+    // NULL: the same as `state`.
+    const kn_state *(*shape)(void *self);
+    const kn_scratch *(*scratch)(void *self); // scratch of the last step, which has its contact (touch.h)
+    // Return how many ticks the object went back at the latest LOST. NULL: the backend has no circuit.
+    int (*back)(void *self);
     void (*reset)(void *self);                          // put the object back to its initial state
     void (*restore)(void *self, const kn_state *state); // replace the object by a copy of a state of this model
     // Fill in the physical fields of the local contact model of probe p, as of the last wait. The model has at most
@@ -51,6 +59,9 @@ bool kn_backend_cpu(kn_backend *backend, const kn_model *model);
 // Set the functions that are called with the input and the result of each step (core/solver_fixed.h). The model must
 // use the solver KN_SOLVER_FIXED.
 void kn_backend_cpu_watch(kn_backend *backend, kn_fixed_watch watch);
+
+// Return the backend's `shape`, or its `state` if it has none.
+const kn_state *kn_backend_shape(const kn_backend *backend);
 
 // Make the backend identify local contact models. kn_contact_fit_create explains `device` and the return value false.
 bool kn_backend_cpu_identify(kn_backend *backend, kn_coupling device);

@@ -145,20 +145,6 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
                   words[AT_CRC], d->crc);
 }
 
-// The circuit is still in step if it is loaded, has the number of the image in SCRATCH, and reports the checksum of the
-// state.
-static kn_link_status accept_resume(kn_device *d, const uint32_t *words)
-{
-    d->job = IDLE;
-    bool loaded = accept_numbers(d, words + 1, d->nonce);
-    if (!loaded || words[1 + AT_CRC] != d->crc) {
-        d->loss = loaded ? KN_LOSS_LOAD : KN_LOSS_BLANK;
-        return refuse(d, KN_LINK_PROTOCOL, "%s: the circuit has another state, or none", d->uri);
-    }
-    d->state = KN_DEVICE_SYNCED;
-    return KN_LINK_OK;
-}
-
 // Read the checksum. The circuit's numbers of ticks and requests must be unchanged.
 static kn_link_status accept_crc(kn_device *d, const uint32_t *words)
 {
@@ -207,6 +193,21 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
     return KN_LINK_OK;
 }
 
+// Accept the displacements of some nodes. The circuit must not have taken a further tick.
+static kn_link_status accept_moves(kn_device *d, const uint32_t *words)
+{
+    const uint32_t *tale = words + 3 * d->words; // TICK, STEP_SEQ
+    if (tale[0] != d->tick || tale[1] != d->seq) {
+        refuse(d, KN_LINK_PROTOCOL, "%s: tick %u of request %u: expected tick %u of request %u", d->uri, tale[0],
+               tale[1], d->tick, d->seq);
+        return lose(d, KN_LOSS_SEQ_GAP, KN_LINK_PROTOCOL);
+    }
+    for (int i = 0; i < 3 * d->words; i++) d->moves[3 * d->position + i] = (int32_t)wide(words[i], 0, KN_FIXED_U);
+    d->position += d->words;
+    if (d->position == d->nodes) d->job = IDLE;
+    return KN_LINK_OK;
+}
+
 // Accept a part of the state: first the checksum (position -1), then nodes and edges, which are checked against the
 // checksum at the end.
 static kn_link_status accept_read(kn_device *d, const uint32_t *words)
@@ -245,8 +246,8 @@ static kn_link_status accept(kn_device *d, const kn_reply *reply)
         return status;
     }
     case LOAD: return accept_load(d, words);
-    case RESUME: return accept_resume(d, words);
     case STEP: return accept_step(d, words);
+    case MOVES: return accept_moves(d, words);
     case READ: return accept_read(d, words);
     default: return accept_crc(d, words);
     }
@@ -258,7 +259,7 @@ static kn_link_status accept(kn_device *d, const kn_reply *reply)
 // on the wire.
 static int64_t miss_ns(const kn_device *d)
 {
-    bool short_one = !d->patient && (d->job == STEP || d->job == IDENTIFY);
+    bool short_one = !d->patient && (d->job == STEP || d->job == MOVES || d->job == IDENTIFY);
     int64_t patience = short_one ? 1 : PATIENCE; // allow more time for jobs in which the circuit computes a checksum
     return patience * d->link.miss_ns + d->link.byte_ns * (d->request.size + 4 * d->request.words + 32);
 }
@@ -395,9 +396,9 @@ void kn_device_close(kn_device *device)
 
 kn_device_state kn_device_state_of(const kn_device *device) { return device->state; }
 const char *kn_device_why(const kn_device *device) { return device->why; }
-const char *kn_device_notice(const kn_device *device) { return device->link.notice; }
 kn_loss kn_device_loss(const kn_device *device) { return device->loss; }
 const kn_device_caps *kn_device_caps_of(const kn_device *device) { return &device->caps; }
+const kn_link *kn_device_link(const kn_device *device) { return &device->link; }
 
 kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
 {
@@ -494,16 +495,6 @@ void kn_device_distrust(kn_device *d) { d->shaped = false; }
 
 void kn_device_be_patient(kn_device *d, bool patient) { d->patient = patient; }
 
-kn_link_status kn_device_resume(kn_device *d, const kn_fixed *state, int64_t deadline_ns)
-{
-    if (d->job == RESUME) return drive(d, deadline_ns);
-    if (d->state != KN_DEVICE_IDENTIFIED || d->nonce == 0)
-        return refuse(d, KN_LINK_PROTOCOL, "%s: expected a circuit that was loaded and identified", d->uri);
-    d->crc = kn_fixed_crc(state);
-    begin(d, RESUME, 0);
-    return drive(d, deadline_ns);
-}
-
 static bool ready(kn_device *d) { return d->state == KN_DEVICE_SYNCED && d->job == IDLE; }
 
 kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int count)
@@ -526,23 +517,24 @@ kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int c
     return broken(d, status);
 }
 
-// Exchange requests for the step under way until the deadline, and return its result.
-static kn_link_status ask(kn_device *d, int64_t deadline_ns, kn_device_result *result)
+kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_result *result)
 {
     if (d->state == KN_DEVICE_LOST) return d->last;
     if (d->job != STEP) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a step under way", d->uri);
     kn_link_status status = drive(d, deadline_ns);
     if (status == KN_LINK_OK) *result = d->result;
+    d->stats.late += status == KN_LINK_LATE;
     return status;
 }
 
-kn_link_status kn_device_poll(kn_device *d, kn_device_result *result) { return ask(d, 0, result); }
-
-kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_result *result)
+kn_link_status kn_device_moves(kn_device *d, int32_t *u, int64_t deadline_ns)
 {
-    kn_link_status status = ask(d, deadline_ns, result);
-    d->stats.late += status == KN_LINK_LATE;
-    return status;
+    if (d->job != MOVES || d->moves != u) {
+        if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a loaded circuit between two ticks", d->uri);
+        d->moves = u;
+        begin(d, MOVES, 0);
+    }
+    return drive(d, deadline_ns);
 }
 
 kn_link_status kn_device_crc(kn_device *d, int64_t deadline_ns, uint32_t *crc)

@@ -5,7 +5,7 @@
 // same bits.
 //
 //     CLOSED -open-> CLOSED -identify-> IDENTIFIED -load-> LOADING -> SYNCED  submit, wait, submit, wait ...
-//                                 ^          '----resume----------------^        |
+//                                 ^                                              |
 //                                 '------------------------------- LOST <--------' 3 misses, 5 ms, or not its own state
 //
 // A request without an answer within link.miss_ns (1.6 ms unless its URI says otherwise, plus the time on the wire) is
@@ -13,10 +13,10 @@
 // three misses, or after three times link.miss_ns. A tick is executed once, however often its request is sent. For this
 // purpose each request writes its own number to the circuit's doorbell register. The answer counts only if the
 // circuit's numbers of requests and ticks are the expected ones. When the device is lost during a step, the circuit may
-// have executed the step or not; kn_device_resume finds out.
+// have executed the step or not, and is loaded anew.
 //
-// Only open allocates memory, and identify when it must open the link again. submit, poll and wait are real-time safe
-// if the link is, and return by their deadline (CLOCK_MONOTONIC, ns). load, resume and read compute a checksum of the
+// Only open allocates memory, and identify when it must open the link again. submit, wait and moves are real-time
+// safe if the link is, and return by their deadline (CLOCK_MONOTONIC, ns). load and read compute a checksum of the
 // whole state, which takes milliseconds, too long for the servo loop. A call that returns LATE has not ended its work.
 // Repeating the same call continues the work; kn_device_identify drops the work. Not thread-safe.
 #include "core/fixed.h"
@@ -68,8 +68,7 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY]);
 void kn_device_close(kn_device *device); // `device` may be NULL
 
 kn_device_state kn_device_state_of(const kn_device *device);
-const char *kn_device_why(const kn_device *device);    // reason of the last refusal or loss, one line
-const char *kn_device_notice(const kn_device *device); // notice of the link (link.h); NULL: none
+const char *kn_device_why(const kn_device *device); // reason of the last refusal or loss, one line
 // Reason of the last refusal or loss as an enum; KN_LOSS_COUNT: there was none.
 kn_loss kn_device_loss(const kn_device *device);
 
@@ -78,6 +77,7 @@ kn_loss kn_device_loss(const kn_device *device);
 // reason.
 kn_link_status kn_device_identify(kn_device *device, int64_t deadline_ns);
 const kn_device_caps *kn_device_caps_of(const kn_device *device);
+const kn_link *kn_device_link(const kn_device *device); // the options of its URI; valid while the device is open
 
 // Load an image and a state (positions x, displacements u in the last tick, and spring forces h; see core/fixed.h).
 // Both are borrowed until the load has ended. The device must be IDENTIFIED or SYNCED; it ends SYNCED at tick 0 with
@@ -103,22 +103,20 @@ void kn_device_be_patient(kn_device *device, bool patient);
 // result from the circuit.
 void kn_device_distrust(kn_device *device);
 
-// After LOST and identify: become SYNCED again if the circuit still has the image that was loaded, and has the state
-// `state`. Return PROTOCOL if the circuit does not have both; the caller then loads them.
-kn_link_status kn_device_resume(kn_device *device, const kn_fixed *state, int64_t deadline_ns);
-
 // Begin a tick. The device must be SYNCED. The bounds are copied; `count` is 0 .. caps.bounds. Return LATE if the last
 // tick has not ended yet.
 kn_link_status kn_device_submit(kn_device *device, const kn_fixed_bound *bound, int count);
 // Get the result. Return OK if `result` is that of the submitted tick, and LATE if the tick has not ended yet. After
 // any other return value the device is LOST.
-kn_link_status kn_device_poll(kn_device *device, kn_device_result *result);
 kn_link_status kn_device_wait(kn_device *device, int64_t deadline_ns, kn_device_result *result);
 
 // For a SYNCED device between two ticks. kn_device_crc gets the checksum (kn_fixed_crc) of the circuit's state.
 // kn_device_read gets the state itself (x, u, h), checked against this checksum.
 kn_link_status kn_device_crc(kn_device *device, int64_t deadline_ns, uint32_t *crc);
 kn_link_status kn_device_read(kn_device *device, kn_fixed *into, int64_t deadline_ns);
+// Get the displacements u of all nodes in the last tick, [nodes][3], which costs 3 words a node. The device is the same
+// as for kn_device_crc.
+kn_link_status kn_device_moves(kn_device *device, int32_t *u, int64_t deadline_ns);
 
 void kn_device_stats_of(const kn_device *device, kn_device_stats *stats);
 

@@ -234,6 +234,16 @@ static void build_read(kn_device *d)
     }
 }
 
+// Read the displacements of as many nodes as one reply holds, then the circuit's numbers of ticks and requests.
+static void build_moves(kn_device *d)
+{
+    const int fit = (KN_REQUEST_READ_MOST - d->request.words - 2) / 3, left = d->nodes - d->position;
+    d->words = left < fit ? left : fit;
+    for (int at = d->position; at < d->position + d->words; at++)
+        kn_request_read(&d->request, KN_WINDOW_NODES + 16 * (uint32_t)at + 7, 3);
+    kn_request_read(&d->request, KN_REG_TICK, 2);
+}
+
 // A busy circuit refuses access to its memory windows, and a PCI card cannot report a refusal. A request that accesses
 // a window therefore begins with a WAIT. The first request of a step needs no WAIT, because the step before has ended.
 bool kn_device_waits(const kn_device *d) { return d->job != IDENTIFY && (d->again || d->job != STEP); }
@@ -246,6 +256,7 @@ void kn_device_build(kn_device *d)
     case IDENTIFY: build_identify(d); break;
     case LOAD: build_load(d); break;
     case STEP: build_step(d); break;
+    case MOVES: build_moves(d); break;
     case READ: build_read(d); break;
     default: build_checksum(d); break;
     }

@@ -10,7 +10,7 @@ enum {
     KN_DEVICE_BUCKETS = 25 * 8
 };
 
-typedef enum job { IDLE, IDENTIFY, LOAD, RESUME, STEP, CRC, READ } job;
+typedef enum job { IDLE, IDENTIFY, LOAD, STEP, MOVES, CRC, READ } job;
 
 struct kn_device {
     char uri[KN_LINK_URI], why[KN_LINK_WHY];
@@ -57,6 +57,7 @@ struct kn_device {
     int64_t load_bytes, load_ns; // total number of bytes of all loads, in both directions, and their total time
     bool patient;
     kn_fixed *into;
+    int32_t *moves;
     uint32_t crc;
 
     kn_device_stats stats;

@@ -97,6 +97,8 @@ void kn_backend_cpu_watch(kn_backend *backend, kn_fixed_watch watch)
     kn_fixed_watch_by(((cpu *)backend->self)->scratch, watch);
 }
 
+const kn_state *kn_backend_shape(const kn_backend *b) { return (b->shape ? b->shape : b->state)(b->self); }
+
 static void cpu_destroy(void *self)
 {
     cpu *c = self;

@@ -1,10 +1,8 @@
 #include "server/backend/fpga.h"
-#include "core/solver_fixed.h"
+#include "server/backend/fpga_parts.h"
 #include "server/clock.h"
 #include <errno.h>
-#include <pthread.h>
 #include <signal.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,74 +11,12 @@
 
 #define QUEUE_LEAST 1024 // smallest length of the queue, ticks; every length is a power of two
 #define QUEUE_MOST 65536
-// time left before the deadline for the output stage, publishing and the rest of the tick, ns
-#define SPARE_NS 400000
-#define ANSWER_NS 200000000     // longest time that the thread waits for one answer, ns
 #define PATIENCE_NS 10000000000 // longest time for one tick in a replay, which has no clock, ns
 #define AGAIN_NS 20000000       // time between two attempts to find the circuit, ns
 #define LOOK_NS 100000
 #define STACK_BYTES (512 * 1024)
 #define LAST_NS 1000000000 // longest time to get in step once more when the server ends, ns
 #define TELL_TICKS 256     // number of ticks between two copies of the device's counters
-
-typedef struct slot { // one tick of the twin that the circuit still has to compute
-    int count;
-    kn_fixed_bound *bound;  // [bounds] nodes under tools in this tick
-    int64_t (*reaction)[3]; // [bounds] the twin's reaction at each of these nodes
-    int64_t residual;
-    uint32_t flags;
-} slot;
-
-// Queue of ticks that the circuit still has to compute. The servo adds ticks; the thread that uses the device removes
-// them.
-typedef struct queue {
-    uint32_t length; // number of slots, a power of two, so that the counts may wrap
-    slot *slot;      // [length] the queued ticks
-    void *memory;
-} queue;
-
-enum { SERVO, THREAD }; // thread that uses the device at present
-// State of the copy of the twin's state.
-enum { NOTHING, WANTED, TAKEN };
-
-typedef struct fpga {
-    kn_backend twin;
-    const kn_model *model;
-    kn_device *device;
-    // `longer`: a longer queue made by the thread, until the servo adopts it together with a copy of the state
-    queue queue, longer;
-    size_t room; // largest size of a queue, bytes
-    int bounds;  // number of bounds (nodes under tools) that a slot can hold
-    // `made`: number of ticks queued by the servo; `done`: number removed by the thread that uses the device
-    _Atomic uint32_t made, done;
-    slot *current; // slot of the present tick; NULL: the present tick is not queued
-    bool fits;     // true if the present tick has no more nodes under tools than the circuit accepts
-    // true if the circuit is computing the oldest queued tick; for the thread that uses the device
-    bool flying;
-    // all saturation flags since the circuit was loaded; for the thread that uses the device
-    uint32_t flags;
-    atomic_int speaker, copy_is;
-    atomic_bool following; // true while ticks are queued for the circuit
-    atomic_bool stop;
-    kn_fixed copy;
-    void *copy_memory;
-    int wake; // eventfd that wakes the thread
-    pthread_t thread;
-    bool runs;
-    _Atomic int64_t on_circuit, shadowed, losses, different, loads;
-    _Atomic int64_t queue_length, load_ns;
-    _Atomic int64_t because[KN_LOSS_COUNT];
-    // `out`: reason (kn_loss) why the circuit is out of step, KN_LOSS_COUNT: in step; `last`: the latest such reason
-    atomic_int out, last;
-    int told;           // the last loss that was written into `line`; used by the thread only
-    const char *notice; // notice of the link
-    atomic_bool news;   // true if `line` holds a message and belongs to its reader
-    char line[KN_FPGA_LINE];
-    // copies of the device's counters, which other threads may read
-    _Atomic int64_t timeouts, crc, p50_ns, p99_ns, max_ns;
-    // number of ticks since the device's counters were copied; used by the servo only
-    int ticks;
-} fpga;
 
 // --- reasons of a loss -----------------------------------------------------------------------------------------------
 
@@ -93,7 +29,7 @@ static void blame(fpga *f, kn_loss loss)
 }
 
 // Return the reason of a failed call. Only for the thread that uses the device.
-static kn_loss cause(const fpga *f, kn_link_status status)
+kn_loss kn_fpga_cause(const fpga *f, kn_link_status status)
 {
     const kn_loss loss = kn_device_loss(f->device);
     return status == KN_LINK_LATE ? KN_LOSS_TIMEOUT : loss == KN_LOSS_COUNT ? KN_LOSS_REFUSED : loss;
@@ -115,8 +51,13 @@ static void tell(fpga *f)
                  1e-9 * (double)atomic_load(&f->load_ns));
         why = numbers;
     }
-    snprintf(f->line, sizeof f->line, "%s: %s%s%s; its twin goes on", kn_loss_word((kn_loss)loss),
-             kn_loss_means((kn_loss)loss), *why ? ": " : "", why);
+    char then[120] = "its twin goes on";
+    if (f->shadow != KN_SHADOW_FULL)
+        snprintf(then, sizeof then, "%s; the object is that of %d ms before",
+                 f->goes_on ? "the processor goes on" : "the object stands still until the circuit is back",
+                 atomic_load(&f->off.back));
+    snprintf(f->line, sizeof f->line, "%s: %s%s%s; %s", kn_loss_word((kn_loss)loss), kn_loss_means((kn_loss)loss),
+             *why ? ": " : "", why, then);
     atomic_store(&f->news, true);
 }
 
@@ -162,10 +103,9 @@ static int64_t wanted(fpga *f)
 }
 
 static slot *oldest(fpga *f) { return &f->queue.slot[atomic_load(&f->done) % f->queue.length]; }
-static bool empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
 
 // Return true if the circuit's reactions and residual equal the twin's.
-static bool equal(const slot *s, const kn_device_result *r)
+bool kn_fpga_equal(const slot *s, const kn_device_result *r)
 {
     return r->count == s->count && r->residual == s->residual &&
            memcmp(r->reaction, s->reaction, (size_t)s->count * sizeof *s->reaction) == 0;
@@ -182,14 +122,14 @@ static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
     if (!f->flying) status = kn_device_submit(f->device, s->bound, s->count);
     f->flying |= status == KN_LINK_OK;
     if (status == KN_LINK_OK) status = kn_device_wait(f->device, deadline_ns, &result);
-    *why = cause(f, status);
+    *why = kn_fpga_cause(f, status);
     if (status != KN_LINK_OK) return status;
     f->flying = false;
     // The circuit keeps every flag set until it is loaded again, so compare its flags with all flags of the twin since
     // the load.
     f->flags |= s->flags;
-    if (!equal(s, &result) || result.flags != f->flags) {
-        *why = equal(s, &result) ? KN_LOSS_SATURATED : KN_LOSS_TWIN;
+    if (!kn_fpga_equal(s, &result) || result.flags != f->flags) {
+        *why = kn_fpga_equal(s, &result) ? KN_LOSS_SATURATED : KN_LOSS_TWIN;
         atomic_fetch_add(&f->different, 1);
         return KN_LINK_PROTOCOL;
     }
@@ -230,7 +170,7 @@ static void leave(fpga *f)
 }
 
 // Record a loss and hand the device to the thread.
-static void lose(fpga *f, kn_loss loss)
+void kn_fpga_lose(fpga *f, kn_loss loss)
 {
     blame(f, loss);
     atomic_fetch_add(&f->losses, 1);
@@ -239,17 +179,15 @@ static void lose(fpga *f, kn_loss loss)
 
 // --- the twin's tick -------------------------------------------------------------------------------------------------
 
-// Called when the twin has found the nodes under tools: queue the tick, and submit the tick if the circuit is in step
-// and idle.
-static void begin(void *self, const kn_fixed_bound *bound, int count)
+// Queue a tick whose nodes under tools the twin has found, and submit the tick if the circuit is in step and idle.
+static void enqueue(fpga *f, const kn_fixed_bound *bound, int count)
 {
-    fpga *f = self;
     f->current = NULL;
     f->fits = count <= f->bounds;
     if (!atomic_load(&f->following)) return;
     // If the queue is full, or the list of bounds is too long for the circuit, give up staying in step.
     if (!f->fits || atomic_load(&f->made) - atomic_load(&f->done) == f->queue.length) {
-        lose(f, f->fits ? KN_LOSS_BEHIND : KN_LOSS_BOUNDS);
+        kn_fpga_lose(f, f->fits ? KN_LOSS_BEHIND : KN_LOSS_BOUNDS);
         return;
     }
     // The slot is complete, and `made` counts it, only when the twin has computed the tick.
@@ -257,10 +195,10 @@ static void begin(void *self, const kn_fixed_bound *bound, int count)
     f->current->count = count;
     if (count > 0) memcpy(f->current->bound, bound, (size_t)count * sizeof *bound);
     // Submit at once only if nothing older waits; otherwise fpga_wait or the thread submits the tick later, in order.
-    if (atomic_load(&f->speaker) != SERVO || f->flying || !empty(f)) return;
+    if (atomic_load(&f->speaker) != SERVO || f->flying || !kn_fpga_empty(f)) return;
     kn_link_status status = kn_device_submit(f->device, bound, count);
     f->flying = status == KN_LINK_OK;
-    if (!f->flying) lose(f, cause(f, status));
+    if (!f->flying) kn_fpga_lose(f, kn_fpga_cause(f, status));
 }
 
 // Called when the twin has computed the tick: add the twin's results to the slot, and count the slot as queued.
@@ -274,10 +212,24 @@ static void end(void *self, const int64_t (*reaction)[3], const kn_fixed_result 
     atomic_fetch_add(&f->made, 1);
 }
 
+// Called when the step has found the nodes under tools.
+static kn_fixed_where begin(void *self, const kn_fixed_bound *bound, int count, kn_fixed *engine,
+                            int64_t (*reaction)[3], kn_fixed_result *result)
+{
+    fpga *f = self;
+    if (f->off.on) return kn_offload_tick(f, bound, count, engine, reaction, result);
+    enqueue(f, bound, count);
+    return KN_FIXED_HERE;
+}
+
+void kn_fpga_watch(fpga *f) { kn_backend_cpu_watch(&f->twin, (kn_fixed_watch){f, begin, end}); }
+
+// --- the backend's functions -----------------------------------------------------------------------------------------
+
 static void fpga_submit(void *self, const kn_input *input)
 {
     fpga *f = self;
-    f->twin.submit(f->twin.self, input);
+    if (!kn_offload_submit(f, input)) f->twin.submit(f->twin.self, input);
 }
 
 // Give the thread a copy of the twin's state; ticks are queued from then on. Postpone the copy while a tick has more
@@ -302,7 +254,8 @@ static void await_thread(fpga *f)
 {
     int64_t until_ns = kn_now_ns() + PATIENCE_NS;
     take_copy(f);
-    while (atomic_load(&f->speaker) == THREAD && atomic_load(&f->following) && !empty(f) && kn_now_ns() < until_ns)
+    while (atomic_load(&f->speaker) == THREAD && atomic_load(&f->following) && !kn_fpga_empty(f) &&
+           kn_now_ns() < until_ns)
         kn_clock_sleep(kn_now_ns() + LOOK_NS);
 }
 
@@ -313,45 +266,57 @@ static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *o
     fpga *f = self;
     const bool clock = deadline_ns != 0;
     kn_loss why;
+    // Stop before the deadline, so that enough time is left for the rest of the tick.
+    const int64_t until_ns = clock ? deadline_ns - KN_FPGA_SPARE_NS : kn_now_ns() + PATIENCE_NS;
+    if (kn_offload_has(f)) return kn_offload_wait(f, until_ns, output);
     kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
-    // Let the circuit compute the queued ticks, the oldest first. Stop before the deadline, so that enough time is left
-    // for the rest of the tick.
-    int64_t until_ns = clock ? deadline_ns - SPARE_NS : kn_now_ns() + PATIENCE_NS;
-    while (atomic_load(&f->speaker) == SERVO && !empty(f)) {
+    // Let the circuit compute the queued ticks, the oldest first.
+    while (atomic_load(&f->speaker) == SERVO && !kn_fpga_empty(f)) {
         kn_link_status link = advance(f, until_ns, &why);
         if (link == KN_LINK_LATE && clock) break;
-        if (link != KN_LINK_OK) lose(f, why);
+        if (link != KN_LINK_OK) kn_fpga_lose(f, why);
     }
     if (!clock) await_thread(f);
-    bool in_step = atomic_load(&f->speaker) == SERVO && atomic_load(&f->following) && empty(f);
+    bool in_step = atomic_load(&f->speaker) == SERVO && atomic_load(&f->following) && kn_fpga_empty(f);
     if (!in_step) atomic_fetch_add(&f->shadowed, 1);
     return status == KN_BACKEND_OK && !in_step ? KN_BACKEND_SHADOWED : status;
 }
 
-// After the forces have been sent: give the copy that the thread waits for, and copy counters now and then.
+// After the forces have been sent: give the copy that the thread waits for, and get a whole state and copy counters now
+// and then.
 static void fpga_afterwards(void *self)
 {
     fpga *f = self;
     take_copy(f);
+    kn_offload_afterwards(f);
     if (++f->ticks < TELL_TICKS || atomic_load(&f->speaker) != SERVO) return;
     f->ticks = 0;
     tell_stats(f);
 }
 
-static const kn_state *fpga_state(void *self) { return ((fpga *)self)->twin.state(((fpga *)self)->twin.self); }
+static const kn_state *fpga_shape(void *self) { return ((fpga *)self)->twin.state(((fpga *)self)->twin.self); }
+static const kn_state *fpga_state(void *self) { return kn_offload_state(self); }
+static int fpga_back(void *self) { return atomic_load(&((fpga *)self)->off.back); }
 static const kn_scratch *fpga_scratch(void *self) { return ((fpga *)self)->twin.scratch(((fpga *)self)->twin.self); }
+
+// The object is replaced: the circuit has another one from now on.
+static void depart(fpga *f)
+{
+    kn_offload_end(f);
+    leave(f);
+}
 
 static void fpga_reset(void *self)
 {
     fpga *f = self;
-    leave(f);
+    depart(f);
     f->twin.reset(f->twin.self);
 }
 
 static void fpga_restore(void *self, const kn_state *state)
 {
     fpga *f = self;
-    leave(f);
+    depart(f);
     f->twin.restore(f->twin.self, state);
 }
 
@@ -365,8 +330,8 @@ static bool prepare(fpga *f)
 {
     kn_link_status status = KN_LINK_LATE;
     while (!atomic_load(&f->stop) && status == KN_LINK_LATE)
-        status = kn_device_prepare(f->device, &f->model->fixed->image, kn_now_ns() + ANSWER_NS);
-    if (status != KN_LINK_OK && status != KN_LINK_LATE) blame(f, cause(f, status));
+        status = kn_device_prepare(f->device, &f->model->fixed->image, kn_now_ns() + KN_FPGA_ANSWER_NS);
+    if (status != KN_LINK_OK && status != KN_LINK_LATE) blame(f, kn_fpga_cause(f, status));
     return status == KN_LINK_OK;
 }
 
@@ -386,11 +351,11 @@ static bool load(fpga *f)
 {
     kn_link_status status = KN_LINK_LATE;
     while (goes_on(f) && status == KN_LINK_LATE)
-        status = kn_device_load(f->device, &f->model->fixed->image, &f->copy, kn_now_ns() + ANSWER_NS);
+        status = kn_device_load(f->device, &f->model->fixed->image, &f->copy, kn_now_ns() + KN_FPGA_ANSWER_NS);
     f->flying = false;
     f->flags = 0;
     if (status == KN_LINK_OK) atomic_fetch_add(&f->loads, 1);
-    else if (status != KN_LINK_LATE) blame(f, cause(f, status));
+    else if (status != KN_LINK_LATE) blame(f, kn_fpga_cause(f, status));
     return status == KN_LINK_OK;
 }
 
@@ -399,8 +364,8 @@ static bool catch_up(fpga *f)
 {
     kn_loss why;
     while (goes_on(f)) {
-        if (empty(f)) return true;
-        kn_link_status status = advance(f, kn_now_ns() + ANSWER_NS, &why);
+        if (kn_fpga_empty(f)) return true;
+        kn_link_status status = advance(f, kn_now_ns() + KN_FPGA_ANSWER_NS, &why);
         if (status == KN_LINK_OK || status == KN_LINK_LATE) continue;
         blame(f, why);
         return false;
@@ -410,8 +375,8 @@ static bool catch_up(fpga *f)
 
 static bool identify(fpga *f)
 {
-    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + ANSWER_NS);
-    if (status != KN_LINK_OK) blame(f, cause(f, status));
+    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + KN_FPGA_ANSWER_NS);
+    if (status != KN_LINK_OK) blame(f, kn_fpga_cause(f, status));
     return status == KN_LINK_OK;
 }
 
@@ -486,6 +451,7 @@ static void fpga_destroy(void *self)
     kn_device_close(f->device);
     if (f->twin.destroy) f->twin.destroy(f->twin.self);
     free(f->copy_memory);
+    kn_offload_close(f);
     unmake(&f->queue);
     unmake(&f->longer);
     free(f);
@@ -494,7 +460,7 @@ static void fpga_destroy(void *self)
 // Identify the circuit and load the unchanging part. A slot of the queue needs no more bounds than the circuit accepts.
 static kn_link_status shape(fpga *f)
 {
-    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * ANSWER_NS);
+    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + 5 * KN_FPGA_ANSWER_NS);
     if (status != KN_LINK_OK) return status;
     if (kn_device_caps_of(f->device)->bounds < f->bounds) f->bounds = kn_device_caps_of(f->device)->bounds;
     return prepare(f) ? KN_LINK_OK : KN_LINK_PROTOCOL;
@@ -524,7 +490,11 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
     f->device = kn_device_open(uri, why);
     *device = true;
     if (!f->device) return false;
-    f->notice = kn_device_notice(f->device);
+    const kn_link *link = kn_device_link(f->device);
+    f->notice = link->notice;
+    f->shadow = link->shadow;
+    f->goes_on = link->goes_on;
+    if (f->shadow != KN_SHADOW_FULL && !kn_offload_open(f)) return *device = false;
     kn_device_be_patient(f->device, true);
     kn_link_status status = shape(f);
     if (status == KN_LINK_OK && f->model->cell_count > 0 && f->model->node_count > f->bounds) {
@@ -538,6 +508,13 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
         kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
         atomic_store(&f->following, true);
         bool loaded = load(f);
+        if (loaded && f->shadow != KN_SHADOW_FULL) {
+            const kn_link_status fast = kn_offload_check(f, uri, why);
+            if (fast == KN_LINK_LATE) return false;
+            // the circuit has taken ticks that the object has not
+            kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
+            loaded = fast == KN_LINK_OK && load(f);
+        }
         kn_device_be_patient(f->device, false);
         if (loaded) return true;
         status = KN_LINK_PROTOCOL;
@@ -551,9 +528,7 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
 // Watch the twin's steps and start the thread.
 static bool start(fpga *f)
 {
-    // The twin calls begin and end around each of its ticks.
-    const kn_fixed_watch watch = {f, begin, end};
-    kn_backend_cpu_watch(&f->twin, watch);
+    kn_fpga_watch(f); // the twin calls begin and end around each of its ticks
     f->wake = eventfd(0, EFD_CLOEXEC);
     if (f->wake < 0) return false;
     pthread_attr_t attr;
@@ -602,6 +577,8 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
                             .submit = fpga_submit,
                             .wait = fpga_wait,
                             .state = fpga_state,
+                            .shape = fpga_shape,
+                            .back = fpga_back,
                             .scratch = fpga_scratch,
                             .reset = fpga_reset,
                             .restore = fpga_restore,
@@ -618,6 +595,10 @@ bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *ur
     snprintf(why, KN_LINK_WHY, "not enough memory for the object's %zu bytes",
              kn_state_size(model) + kn_scratch_size(model));
     if (!uri) return kn_backend_cpu(backend, model);
+    if (at_leisure && strstr(uri, "shadow=")) {
+        snprintf(why, KN_LINK_WHY, "%.100s: a replay compares every tick: expected no shadow=", uri);
+        return false;
+    }
     if (at_leisure && !strstr(uri, "miss=") &&
         snprintf(patient, sizeof patient, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?') < (int)sizeof patient)
         uri = patient;
@@ -672,10 +653,10 @@ bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_devic
     kn_loss lost;
     int64_t until_ns = kn_now_ns() + LAST_NS;
     // No thread calls submit any more, so let the circuit catch up here.
-    while (kn_now_ns() < until_ns && (atomic_load(&f->speaker) == THREAD || !empty(f))) {
+    while (kn_now_ns() < until_ns && (atomic_load(&f->speaker) == THREAD || !kn_fpga_empty(f))) {
         take_copy(f);
         if (atomic_load(&f->speaker) == THREAD) kn_clock_sleep(kn_now_ns() + LOOK_NS);
-        else if (advance(f, until_ns, &lost) != KN_LINK_OK) lose(f, lost);
+        else if (advance(f, until_ns, &lost) != KN_LINK_OK) kn_fpga_lose(f, lost);
     }
     if (atomic_load(&f->speaker) != SERVO) {
         snprintf(why, KN_LINK_WHY, "the circuit is not in step");

@@ -18,6 +18,14 @@
 //     prepare ------------> copy of the state --> load ------------> catch up ---> in step
 //     no tick is kept       the queue begins      it grows by 1 a ms  it shrinks
 //
+// With the option shadow=off or checked, the circuit computes alone while it is in step. The twin finds the contact, and
+// takes over the displacements that the circuit gives after each tick. A whole state, with the strains, is read every 50
+// ticks, and whenever `state` of the backend is called. `checked`: the twin computes the tick after that as well. A tick
+// that is late keeps its place: it is computed before the next one, so the object is the same to the bit. The third
+// late tick in a row loses the circuit, as does any other loss: the object goes back to its newest whole state (LOST),
+// and stands still (STILL) until the circuit is in step, or the twin goes on from there (lost=go-on). A flag of
+// saturation that a tick raises counts in that tick only, because the circuit keeps it.
+//
 // The queue holds 1.5 times the ticks that pass while the state is loaded, and at least 1024 ticks. The loading time is
 // estimated from the bytes sent over the link so far. A longer queue is allocated when the link has become slower.
 #include "server/backend/backend.h"
@@ -26,16 +34,17 @@
 #define KN_FPGA_LINE (KN_LINK_WHY + 200)
 
 typedef struct kn_fpga_counts {
-    bool there;         // true if a circuit is configured; otherwise all fields are 0
-    int64_t on_circuit; // number of ticks whose result the circuit computed, equal to the twin's result
-    int64_t shadowed;   // number of ticks whose result came from the twin alone
-    int64_t losses;     // number of times that the circuit was lost
-    int64_t different;  // number of times that the circuit's result differed from the twin's
-    int64_t loads;      // number of times that a whole state was loaded into the circuit
-    int64_t queue;      // largest number of ticks that may wait in the queue for the circuit
-    int64_t load_ns;    // time that loading a state takes, ns
-    bool in_step;       // true if the circuit is in step now
-    kn_loss last;       // latest reason why the circuit was out of step; KN_LOSS_COUNT: never out of step
+    bool there; // true if a circuit is configured; otherwise all fields are 0
+    int64_t
+        on_circuit; // number of ticks whose result the circuit computed; equal to the twin's result, if it computed the tick
+    int64_t shadowed;  // number of ticks whose result came from the twin alone
+    int64_t losses;    // number of times that the circuit was lost
+    int64_t different; // number of times that the circuit's result differed from the twin's
+    int64_t loads;     // number of times that a whole state was loaded into the circuit
+    int64_t queue;     // largest number of ticks that may wait in the queue for the circuit
+    int64_t load_ns;   // time that loading a state takes, ns
+    bool in_step;      // true if the circuit is in step now
+    kn_loss last;      // latest reason why the circuit was out of step; KN_LOSS_COUNT: never out of step
     // Number of times that the circuit was out of step, for each reason. Counted are losses, and reasons that kept the
     // circuit from coming back into step. A reason that lasts is counted once.
     int64_t because[KN_LOSS_COUNT];

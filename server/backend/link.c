@@ -5,8 +5,8 @@
 
 enum { BAUD = 3000000 };
 
-static const char expected[] =
-    "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, each with ?miss=MS at will";
+static const char expected[] = "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, each with "
+                               "?miss=MS, shadow=full|checked|off, lost=stop|go-on at will";
 
 const char *kn_link_words(kn_link_status status)
 {
@@ -22,7 +22,18 @@ const char *kn_link_words(kn_link_status status)
 typedef struct options {
     int baud; // baud rate of the serial line; 0: not given in the URI
     double miss_ms;
+    int shadow, lost; // indices of their words
 } options;
+
+static const char *const shadows[] = {"full", "checked", "off", NULL}, *const losts[] = {"stop", "go-on", NULL};
+
+// Set *index to that of the word. Return false if it is none of the words.
+static bool choose(const char *word, const char *const words[], int *index)
+{
+    for (*index = 0; words[*index]; ++*index)
+        if (strcmp(word, words[*index]) == 0) return true;
+    return false;
+}
 
 // Parse "KEY=VALUE&...", the text behind a '?'. Return false at an unknown key or a value out of range.
 static bool parse_options(char *text, options *o)
@@ -32,6 +43,8 @@ static bool parse_options(char *text, options *o)
         char *value = strchr(key, '='), *end = NULL;
         if (!value) return false;
         *value++ = 0;
+        if (strcmp(key, "shadow") == 0 && choose(value, shadows, &o->shadow)) continue;
+        if (strcmp(key, "lost") == 0 && choose(value, losts, &o->lost)) continue;
         double number = strtod(value, &end);
         if (end == value || *end) return false;
         if (strcmp(key, "baud") == 0 && number >= 1 && number <= 1e8) o->baud = (int)number;
@@ -77,14 +90,14 @@ static bool good(const char *scheme, const char *where, const options *o)
 static const char *parse(const char *uri, char text[KN_LINK_URI], options *o, char why[KN_LINK_WHY])
 {
     // A URI that is too long becomes empty, and is then refused as it has no scheme.
-    *o = (options){0, 1.6};
+    *o = (options){.miss_ms = 1.6};
     size_t length = strlen(uri);
     memset(text, 0, KN_LINK_URI);
     memcpy(text, uri, length < KN_LINK_URI ? length : 0);
     char *where = strchr(text, ':'), *query = strchr(text, '?');
     if (where) *where++ = 0;
     if (query) *query++ = 0;
-    if (where && parse_options(query, o) && good(text, where, o))
+    if (where && parse_options(query, o) && good(text, where, o) && (o->shadow || !o->lost))
         return o->baud == 0 || kn_link_is_baud(o->baud, why) ? where : NULL;
     snprintf(why, KN_LINK_WHY, "%.100s: expected %s", uri, expected);
     return NULL;
@@ -104,5 +117,7 @@ bool kn_link_open(kn_link *link, const char *uri, const char *sysfs, char why[KN
     const char *where = parse(uri, text, &o, why);
     if (!where || !open_parsed(link, text, where, &o, sysfs, why)) return false;
     link->miss_ns = (int64_t)(1e6 * o.miss_ms);
+    link->shadow = (kn_shadow)o.shadow;
+    link->goes_on = o.lost;
     return true;
 }

@@ -9,14 +9,20 @@
 //                                      by its resource0 in sysfs
 //     shm:NAME                         the same words in /dev/shm/NAME, which knead-simdev --bar NAME serves
 //
-// Each URI may end in ?miss=MS: the time until an unanswered request is sent again, ms (default 1.6, range 0.1 ..
-// 60000).
+// Options follow a '?', separated by '&':
+//     miss=MS                     time until an unanswered request is sent again, ms (default 1.6, range 0.1 .. 60000)
+//     shadow=full|checked|off     whether this processor computes every tick, each 50th, or none of those that the
+//                                 circuit computes (default full)
+//     lost=stop|go-on             with checked or off: whether the object stands still while the circuit is lost, or
+//                                 this processor computes it (default stop)
 //
 // One request is under way at a time. A new request replaces it, and the reply to the old request is dropped when it
 // arrives. No function waits beyond its deadline, and only open allocates. submit and wait on a line are real-time safe
 // as far as read, write and ppoll of that line are; on shared memory, submit and wait make no system call but to sleep.
 // For a card, submit also reads a file that never blocks. Not thread-safe.
 #include "server/backend/frame.h"
+
+typedef enum kn_shadow { KN_SHADOW_FULL, KN_SHADOW_CHECKED, KN_SHADOW_OFF } kn_shadow;
 
 #define KN_LINK_URI 256 // largest length of a URI, characters
 #define KN_LINK_WHY 384
@@ -44,6 +50,8 @@ typedef struct kn_link_counts {
 
 typedef struct kn_link {
     const char *name; // "uart", "pty", "pcie", "shm"
+    kn_shadow shadow; // option ?shadow
+    bool goes_on;     // option ?lost=go-on
     int64_t miss_ns;  // time until an unanswered request is sent again (option ?miss), ns
     int64_t byte_ns;  // time of one byte on the serial line, ns; 0: the link is no serial line
     // True if the repetition limit of a WAIT applies; otherwise a WAIT repeats its read until the request is dropped.

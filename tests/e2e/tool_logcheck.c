@@ -4,6 +4,8 @@
 //     peak_n F steepest_n F last_n F stopping N                                    of the forces given to the hand
 //     resets N as_new N faded_n F again_n F        as_new: whose state hash is that of KNEAD_SCENE's untouched object
 //     stepped N commanded N lowest_gain F reduced N mistaken N       points of quality taken over budget, or commanded
+//     back N held_n F gone N      of the losses of a circuit that computed alone: their number, the last new force before
+//                                 the last of them, and the ticks from that force to the first force of 0
 //     received N accepted N rejected N kernel_drops N ticks N missed N hist N      of the last status
 //     healths N paired N ever_errors BITS                 paired: under a status' utime; of all current_errors
 //     lost N late N duplicate N reordered N in_a_row N generation N saves N slews N silences N estops N   of the last
@@ -41,7 +43,9 @@ static int64_t resets, as_new, initial_hash, reset_tick = -1;
 static double faded_n, again_n;
 static int64_t stepped, commanded, reduced, mistaken, quality_tick = -1;
 static double lowest_gain = 1.0;
-static bool is_reduced; // expected from the events so far
+static bool is_reduced;                              // expected from the events so far
+static int64_t back, back_tick = -1, gone, new_tick; // new_tick: tick of the last new contact force before back_tick
+static double new_n, held_n, contact_n[3];
 static knead_status_t status;
 static knead_health_t health;
 static int64_t healths, paired, ever_errors;
@@ -87,6 +91,10 @@ static void take_force(const lcm_eventlog_event_t *e)
     if (stops || fading) steepest_n = fmax(steepest_n, sqrt(step) / (1 + m.missed_cycles));
     if (reset_tick >= 0 && !fading && m.tick < reset_tick + 2 * FADE_TICKS) faded_n = fmax(faded_n, last_n);
     if (reset_tick >= 0 && !fading) again_n = fmax(again_n, last_n);
+    const bool new = memcmp(contact_n, m.contact_force_n, sizeof contact_n) != 0;
+    memcpy(contact_n, m.contact_force_n, sizeof contact_n);
+    if (back_tick >= 0 && m.tick >= back_tick && last_n == 0) gone = m.tick - new_tick, back_tick = -1;
+    if (back_tick < 0 && new) new_tick = m.tick, new_n = last_n;
     bool says = m.flags & KNEAD_CONTACT_FORCE_T_FLAG_REDUCED;
     reduced += says;
     mistaken += says != is_reduced;
@@ -103,6 +111,7 @@ static void take_event(const lcm_eventlog_event_t *e)
         return;
     }
     events++;
+    if (m.kind == KNEAD_EVENT_T_KIND_RESTORE && m.arg[0] < 0) back++, back_tick = m.tick, held_n = new_n;
     if (m.kind == KNEAD_EVENT_T_KIND_QUALITY) {
         bool told = m.arg[2] != 0, other = m.arg[0] != m.arg[1];
         commanded += told;
@@ -170,6 +179,7 @@ int main(int argc, char **argv)
     printf("resets %" PRId64 " as_new %" PRId64 " faded_n %.6f again_n %.6f\n", resets, as_new, faded_n, again_n);
     printf("stepped %" PRId64 " commanded %" PRId64 " lowest_gain %.6f reduced %" PRId64 " mistaken %" PRId64 "\n",
            stepped, commanded, lowest_gain, reduced, mistaken);
+    printf("back %" PRId64 " held_n %.6f gone %" PRId64 "\n", back, held_n, gone);
     printf("received %" PRId64 " accepted %" PRId64 " rejected %" PRId64 " kernel_drops %" PRId64 " ticks %" PRId64
            " missed %" PRId64 " hist %" PRId64 "\n",
            status.received, status.accepted, rejected, status.kernel_drops, status.tick, status.missed_cycles, hist);

@@ -271,6 +271,156 @@ TEST("a lost circuit of 144 nodes comes back after being unplugged, hung, or swi
         be_lost(rows[i].board, rows[i].reason, rows[i].what, rows[i].times);
 }
 
+// ---- a circuit that computes alone
+
+static const char *card_name(void)
+{
+    static char name[64];
+    snprintf(name, sizeof name, "knead-alone-%d", (int)getpid());
+    return name;
+}
+
+static object make_alone(const char *how)
+{
+    const char *const card[] = {"--bar", card_name(), NULL};
+    object o = make("dough-small.yaml", kn_board_start(card));
+    strcat(o.board.uri, how);
+    attach(&o);
+    return o;
+}
+
+// Run a tick of both backends without a deadline: the plate goes down and up, ever deeper. Return whether the outputs
+// are the same bits.
+static bool tick_both(object *o, kn_backend *plain, kn_backend_status *status)
+{
+    kn_output mine, its;
+    const double deepest_m = 0.002 * (1 + o->ticks / 200), part = (o->ticks % 200) / 200.0;
+    const double depth_m = deepest_m * (part < 0.5 ? 2 * part : 0);
+    o->ticks++;
+    o->input.probe[0] = (kn_probe_input){true, {0, 0, 0.031 - depth_m}, {0, 0, 0}, {1, 0, 0, 0}, false};
+    o->backend.submit(o->backend.self, &o->input);
+    *status = o->backend.wait(o->backend.self, 0, &mine);
+    plain->submit(plain->self, &o->input);
+    plain->wait(plain->self, 0, &its);
+    o->backend.afterwards(o->backend.self);
+    return memcmp(&mine, &its, sizeof mine) == 0;
+}
+
+TEST("a circuit that computes alone gives the forces and the object that the processor gives, to the bit")
+{
+    static const char *const how[] = {"?miss=500&shadow=off", "?miss=500&shadow=checked&lost=go-on"};
+    for (int i = 0; i < 2; i++) {
+        AT_END(unmake) object o = make_alone(how[i]);
+        kn_backend plain;
+        kn_backend_status status;
+        kn_fpga_counts n;
+        int same = 0, shapes = 0, states = 0, ok = 0;
+        CHECK(kn_backend_cpu(&plain, o.model));
+        for (int t = 0; t < 1000; t++) {
+            same += tick_both(&o, &plain, &status);
+            ok += status == KN_BACKEND_OK;
+            const kn_state *shape = kn_backend_shape(&o.backend), *all = plain.state(plain.self);
+            const size_t bytes = kn_model_field(o.model, 3) * sizeof(double);
+            shapes += memcmp(shape->displacement, all->displacement, bytes) == 0;
+            if (t % 37) continue;
+            states += kn_state_hash(o.model, o.backend.state(o.backend.self)) == kn_state_hash(o.model, all);
+        }
+        kn_backend_fpga_counts(&o.backend, &n);
+        printf("     %s: %d of 1000 forces, %d shapes and %d of 28 states are the same; %lld ticks on the circuit\n",
+               how[i], same, shapes, states, (long long)n.on_circuit);
+        for (int k = 0; k < KN_LOSS_COUNT; k++)
+            if (n.because[k]) printf("     lost: %s\n", kn_loss_word((kn_loss)k));
+        CHECK(same == 1000 && shapes == 1000 && states == 28 && ok == 1000);
+        CHECK(n.on_circuit == 1000 && n.losses == 0 && n.different == 0 && n.loads == 2);
+        plain.destroy(plain.self);
+    }
+}
+
+TEST("a circuit that computes alone with other numbers is found within 50 ticks if it is checked")
+{
+    AT_END(unmake) object o = make_alone("?miss=500&shadow=checked&lost=go-on");
+    char path[96];
+    kn_fpga_counts n = {0};
+    snprintf(path, sizeof path, "/dev/shm/%s", card_name());
+    for (int t = 0; t < 60; t++) press(&o, 0.003);
+    // another material, which the next load of the state takes up
+    int fd = open(path, O_RDWR);
+    for (uint32_t e = 0; e < 400; e++)
+        CHECK(pwrite(fd, &(uint32_t){7}, 4, 4 * (KN_WINDOW_EDGES + 8 * (off_t)e + 1)) == 4);
+    close(fd);
+    o.backend.reset(o.backend.self);
+    kn_backend_fpga_counts(&o.backend, &n);
+    const int64_t before = n.on_circuit;
+    for (int t = 0; t < 20000 && n.different == 0; t++) {
+        press(&o, 0.003);
+        kn_backend_fpga_counts(&o.backend, &n);
+    }
+    printf("     found after %lld ticks on the circuit\n", (long long)(n.on_circuit - before));
+    CHECK(n.different == 1 && n.because[KN_LOSS_TWIN] == 1 && n.on_circuit <= before + 60);
+}
+
+TEST("a circuit that takes ticks which nobody asked for is lost, and gives no wrong force while it computes alone")
+{
+    const char *const card[] = {"--bar", card_name(), "--fault", "torn=0.01", NULL};
+    AT_END(unmake) object o = make("dough-small.yaml", kn_board_start(card));
+    kn_fpga_counts n = {0};
+    kn_backend plain;
+    kn_backend_status status;
+    int wrong = 0;
+    strcat(o.board.uri, "?miss=500&shadow=off&lost=go-on");
+    attach(&o);
+    CHECK(kn_backend_cpu(&plain, o.model));
+    for (int t = 0; t < 2000; t++) {
+        const bool same = tick_both(&o, &plain, &status);
+        wrong += !same && status != KN_BACKEND_LOST;
+        // the object went back: so does the other one
+        if (status == KN_BACKEND_LOST) plain.restore(plain.self, o.backend.state(o.backend.self));
+    }
+    kn_backend_fpga_counts(&o.backend, &n);
+    printf("     lost %lld times, %lld of 2000 ticks on the circuit\n", (long long)n.losses, (long long)n.on_circuit);
+    CHECK(wrong == 0 && n.losses > 3 && n.because[KN_LOSS_SEQ_GAP] == n.losses && n.different == 0);
+    CHECK(n.on_circuit > 100);
+    plain.destroy(plain.self);
+}
+
+TEST("a lost circuit that computed alone holds the force for two ticks and puts the object back to its last whole "
+     "state, which stands still or goes on")
+{
+    static const char *const how[] = {"?miss=20&shadow=off", "?miss=20&shadow=off&lost=go-on"};
+    for (int i = 0; i < 2; i++) {
+        AT_END(unmake) object o = make_alone(how[i]);
+        const char *const card[] = {"--bar", card_name(), NULL};
+        kn_backend_status status = KN_BACKEND_OK;
+        kn_output held, output;
+        kn_fpga_counts n;
+        // press in time that the circuit has; its whole state is that of a known tick
+        for (int t = 0; t < 20; t++) press(&o, 0.003);
+        const uint64_t whole = kn_state_hash(o.model, o.backend.state(o.backend.self));
+        for (int t = 0; t < 7; t++) press(&o, 0.003);
+        CHECK(kn_backend_fpga_counts(&o.backend, &n) && n.losses == 0);
+        o.backend.submit(o.backend.self, &o.input);
+        o.backend.wait(o.backend.self, 0, &held);
+        kn_board_kill(&o.board);
+        int late = 0;
+        for (; status != KN_BACKEND_LOST && late < 10; late++) {
+            o.backend.submit(o.backend.self, &o.input);
+            status = o.backend.wait(o.backend.self, kn_now_ns() + KN_PERIOD_NS, &output);
+            CHECK(memcmp(&output, &held, sizeof held) == 0);
+            CHECK(status == KN_BACKEND_LATE || status == KN_BACKEND_LOST);
+            o.backend.afterwards(o.backend.self);
+        }
+        CHECK(late <= 3 && o.backend.back(o.backend.self) >= 8 && o.backend.back(o.backend.self) <= 11);
+        CHECK(kn_state_hash(o.model, o.backend.state(o.backend.self)) == whole);
+        press(&o, 0.003);
+        const bool still = kn_state_hash(o.model, o.backend.state(o.backend.self)) == whole;
+        CHECK(still == (i == 0));
+        o.board = kn_board_start(card);
+        strcat(o.board.uri, how[i]);
+        CHECK(until_in_step(&o) >= 0);
+        CHECK(o.backend.state(o.backend.self)->tick > 0);
+    }
+}
+
 // Run the next tick on a backend without a circuit, then sleep until the end of the wait for a circuit. The result
 // shows the machine's own lateness. Return the time of the end.
 static int64_t step_and_sleep(object *o, kn_backend *plain)

@@ -49,13 +49,17 @@ typedef struct rig {
     int64_t forces, contacts, pressed, ticks;
 } rig;
 
-// how: options of a simulated circuit, or NULL for no circuit
+static bool is_line(const char *const *how) { return how && strcmp(how[0], "--uart") == 0; }
+
+// how: options of a simulated circuit, or NULL for no circuit. Over a line, the twin computes every tick; in memory, the
+// circuit computes alone until it is killed, and then the twin until the circuit is in step again.
 static void rig_open(rig *r, const char *const *how)
 {
     static const char *const all[] = {"quality={fast: {iterations: 5}, accurate: {passes: 2}}", "mesh.measures=both"};
     memset(r, 0, sizeof *r);
     if (how) r->board = kn_board_start(r->how = how);
     if (how) strcat(r->board.uri, "?miss=10"); // allows for a busy machine
+    if (how && !is_line(how)) strcat(r->board.uri, "&shadow=off&lost=go-on");
     kn_loop_fixture_open_on(&r->fixture, how ? kn_fixed_set : all, how ? KN_FIXED_SETS : 2, how ? r->board.uri : NULL);
     r->path =
         kn_tool_path_press(&(kn_tool_path_def){.touch_z_m = 0.03, .clear_m = 0.005, .depth_m = 0.008, .hold_s = 0.3});
@@ -217,7 +221,7 @@ static void *servo_main(void *arg)
 {
     rig *r = arg;
     r->tid = (int)syscall(SYS_gettid);
-    if (!forbid_calls(r->how && strcmp(r->how[0], "--uart") == 0)) {
+    if (!forbid_calls(is_line(r->how))) {
         finished = -1;
         return NULL;
     }
