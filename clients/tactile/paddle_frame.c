@@ -1,4 +1,4 @@
-#include "clients/tactile/paddle.h"
+#include "clients/tactile/paddle_frame.h"
 #include <math.h>
 #include <string.h>
 
@@ -6,33 +6,37 @@ static const uint8_t frame_begin[2] = {'K', 'N'};
 
 uint16_t kn_paddle_frame_crc(const uint8_t *bytes, size_t size)
 {
-    // Compute the CRC bit by bit, because a table would save at most 2 us in each ms.
-    unsigned crc = 0xffff;
+    // Shift a whole byte at a time, without a table: the polynomial has bits 12, 5 and 0. A paddle's firmware has neither
+    // time for single bits nor room for a table.
+    uint16_t crc = 0xffff;
     for (size_t i = 0; i < size; i++) {
-        crc ^= (unsigned)bytes[i] << 8;
-        for (int bit = 0; bit < 8; bit++) crc = (crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1) & 0xffff;
+        crc = (uint16_t)(crc << 8 | crc >> 8) ^ bytes[i];
+        crc ^= (uint8_t)crc >> 4;
+        crc ^= (uint16_t)(crc << 12);
+        crc ^= (uint16_t)((uint8_t)crc << 5);
     }
-    return (uint16_t)crc;
+    return crc;
 }
 
 // Clamp instead of casting directly: casting a NaN or an out-of-range double is undefined in C.
 int32_t kn_paddle_frame_number(double value, double unit)
 {
-    double n = rint(value / unit);
+    double n = round(value / unit);
     if (isnan(n)) return 0;
     return n >= INT32_MAX ? INT32_MAX : n <= INT32_MIN ? INT32_MIN : (int32_t)n;
 }
 
 // Write and read single bytes, so that the code does not depend on the host's byte order.
-static void put32(uint8_t *at, int32_t value)
-{
-    for (int i = 0; i < 4; i++) at[i] = (uint8_t)((uint32_t)value >> 8 * i);
-}
-
 static void put16(uint8_t *at, uint16_t value)
 {
     at[0] = (uint8_t)value;
     at[1] = (uint8_t)(value >> 8);
+}
+
+static void put32(uint8_t *at, int32_t value)
+{
+    put16(at, (uint16_t)value);
+    put16(at + 2, (uint16_t)((uint32_t)value >> 16));
 }
 
 static uint16_t get16(const uint8_t *at) { return (uint16_t)(at[0] | at[1] << 8); }
@@ -66,9 +70,10 @@ static void skip(kn_paddle_decoder *d)
 bool kn_paddle_decoder_push(kn_paddle_decoder *d, uint8_t byte, kn_paddle_frame *frame)
 {
     const uint8_t *b = d->bytes;
+    // The buffer must begin with the letters K N, or with K if it has one byte.
+    if (d->count == 0 && byte != frame_begin[0]) return d->skipped++, false;
     d->bytes[d->count++] = byte;
-    // The buffer must begin with the letters K N, or with K if it has one byte. skip() drops all other bytes.
-    if (b[0] != frame_begin[0] || (d->count > 1 && b[1] != frame_begin[1])) skip(d);
+    if (d->count == 2 && byte != frame_begin[1]) skip(d);
     if (d->count < KN_PADDLE_FRAME_SIZE) return false;
     // If checksum or kind is wrong, search for the next frame inside the bytes already read.
     if (get16(b + 18) != kn_paddle_frame_crc(b, 18) || b[2] != d->kind) {

@@ -1,26 +1,22 @@
-// A simulated paddle: mass, friction, encoder, motor and a person behind a pty. Its firmware is like the one that
-// clients/tactile/README.md asks for. For tests, and for users without a paddle.
+// A simulated paddle: mass, friction, motor, sensor and a person behind a pty, and the real firmware
+// (clients/tactile/firmware) under simavr. For tests, and for users without a paddle.
 //
 //     paddle LINK SECONDS [EVENT=MS[:MS]]...     LINK becomes the name of its tty; times since the first command came
 //
-// The person comes down 35 mm in 1 s, rests, and lifts, every 4 s. CSV on stdout, one row per ms, reports the
-// firmware. In the time that this process could not run, the person and the mass move on, and the firmware misses
-// that time.
+// The person comes down 35 mm in 1 s, rests, and lifts, every 4 s. CSV on stdout, one row per ms of the firmware: what
+// was asked on the line, and the force of the motor at its pin. In the time that this process could not run, nothing
+// moves, and the firmware's clock stands still.
 //     garbage=MS      from then on 7 random bytes before every tenth frame
 //     flip=MS         from then on one bit of every tenth frame is wrong
-//     mute=MS:MS      from then on, for so long, no frames are sent
 //     hangup=MS:MS    from then on, for so long, the line is gone
-//     unwatched=0     there is no watchdog
-#include "clients/hand/haptic_loop.h"
+//     unwatched=0     a second sender keeps the watchdog quiet, as if there were none
 #include "clients/hand/bus_client.h"
-#include "clients/tactile/paddle.h"
-#include "core/safety.h"
+#include "clients/hand/haptic_loop.h"
+#include "clients/tactile/paddle_frame.h"
 #include "server/clock.h"
+#include "tests/tactile/avr_paddle.h"
 #include "tests/tactile/person.h"
 #include <fcntl.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -31,13 +27,12 @@ typedef struct span {
 typedef struct paddle {
     const char *link;
     int fd, keep; // master; slave, held open so that a leaving computer does not hang up the line
-    span garbage, flip, mute, hangup, unwatched;
+    span garbage, flip, hangup, unwatched;
     kn_held_device arm;
-    kn_paddle_decoder deframer;
-    kn_watchdog watchdog;
-    double asked_n, given_n;
-    bool enabled;
-    uint16_t seq, heard; // seq of its own frames; seq of the newest command
+    kn_avr_paddle board;
+    kn_paddle_decoder commands, states; // what passes on the line, in both directions
+    kn_paddle_frame command, state;
+    int quiet_ms, sent;
     unsigned random;
 } paddle;
 
@@ -67,45 +62,31 @@ static void plug_out(paddle *p)
     p->fd = -1;
 }
 
-// ---- the firmware
-
-static void listen_to_computer(paddle *p, int elapsed_ms)
+// Take the bytes that the line brings in this ms. Return their number.
+static size_t from_computer(paddle *p, uint8_t bytes[KN_AVR_LINE_MS])
 {
-    uint8_t bytes[512];
-    kn_paddle_frame f;
-    bool fresh = false;
-    ssize_t size = p->fd < 0 ? 0 : read(p->fd, bytes, sizeof bytes);
-    for (ssize_t i = 0; i < size; i++) {
-        if (!kn_paddle_decoder_push(&p->deframer, bytes[i], &f)) continue;
-        bool enable = f.flags & KN_PADDLE_FRAME_ENABLE, newer = (int16_t)(f.seq - p->heard) > 0;
-        if (enable && !newer) continue; // repeated, or of another run: no sign of life
-        fresh = true;
-        p->heard = f.seq;
-        p->enabled = enable;
-        p->asked_n = 1e-6 * f.force_un;
-        if (!p->enabled && p->watchdog.tripped) kn_watchdog_rearm(&p->watchdog);
-    }
-    double factor = kn_watchdog_tick(&p->watchdog, fresh || in(&p->unwatched, 0), elapsed_ms);
-    p->given_n = p->enabled ? factor * p->asked_n : 0.0;
+    ssize_t size = p->fd < 0 ? 0 : read(p->fd, bytes, KN_AVR_LINE_MS);
+    bool whole = false;
+    for (ssize_t i = 0; i < size; i++) whole |= kn_paddle_decoder_push(&p->commands, bytes[i], &p->command);
+    p->quiet_ms = whole ? 0 : p->quiet_ms + 1;
+    if (!in(&p->unwatched, 0) || p->quiet_ms < 2 || p->commands.frames == 0) return size > 0 ? (size_t)size : 0;
+    p->command.seq++; // the second sender repeats the last command as news
+    kn_paddle_frame_encode(&p->command, bytes);
+    return KN_PADDLE_FRAME_SIZE;
 }
 
-static void tell_computer(paddle *p, int ms)
+// Send what the firmware has said, with the faults of the line.
+static void to_computer(paddle *p, int ms)
 {
-    uint8_t bytes[7 + KN_PADDLE_FRAME_SIZE];
-    bool tenth = p->seq % 10 == 0, tripped = p->watchdog.tripped;
-    int flags = (p->enabled && !tripped ? KN_PADDLE_FRAME_MOTOR : 0) | (tripped ? KN_PADDLE_FRAME_TRIPPED : 0);
-    size_t before = tenth && in(&p->garbage, ms) ? 7 : 0;
-    for (size_t i = 0; i < before; i++) bytes[i] = (uint8_t)(rand_r(&p->random) >> 7);
-    kn_paddle_frame_encode(&(kn_paddle_frame){.kind = KN_PADDLE_FRAME_STATE,
-                                              .seq = p->seq++,
-                                              .flags = (uint8_t)flags,
-                                              .position_nm = kn_paddle_frame_number(p->arm.position_m[2], 1e-9),
-                                              .velocity_um_s = kn_paddle_frame_number(p->arm.velocity_m_s[2], 1e-6),
-                                              .force_un = kn_paddle_frame_number(p->given_n, 1e-6)},
-                           bytes + before);
-    if (tenth && in(&p->flip, ms)) bytes[before + p->seq / 10 % KN_PADDLE_FRAME_SIZE] ^= (uint8_t)(1 << ms / 200 % 8);
-    if (p->fd < 0 || in(&p->mute, ms)) return;
-    if (write(p->fd, bytes, before + KN_PADDLE_FRAME_SIZE) < 0) return; // the line is full because no program reads
+    uint8_t garbage[7], *said = p->board.said;
+    const size_t count = p->board.said_count;
+    for (size_t i = 0; i < count; i++) kn_paddle_decoder_push(&p->states, said[i], &p->state);
+    if (p->fd < 0 || count == 0) return;
+    const bool tenth = p->sent++ % 10 == 0;
+    for (size_t i = 0; i < sizeof garbage; i++) garbage[i] = (uint8_t)(rand_r(&p->random) >> 7);
+    if (tenth && in(&p->garbage, ms) && write(p->fd, garbage, sizeof garbage) < 0) return; // full: no program reads
+    if (tenth && in(&p->flip, ms)) said[(size_t)p->sent / 10 % count] ^= (uint8_t)(1 << ms / 200 % 8);
+    if (write(p->fd, said, count) < 0) return;
 }
 
 static bool option(paddle *p, const char *text)
@@ -113,11 +94,7 @@ static bool option(paddle *p, const char *text)
     const struct {
         const char *name;
         span *span;
-    } known[] = {{"garbage", &p->garbage},
-                 {"flip", &p->flip},
-                 {"mute", &p->mute},
-                 {"hangup", &p->hangup},
-                 {"unwatched", &p->unwatched}};
+    } known[] = {{"garbage", &p->garbage}, {"flip", &p->flip}, {"hangup", &p->hangup}, {"unwatched", &p->unwatched}};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
         size_t n = strlen(known[i].name);
         if (!strncmp(text, known[i].name, n) && text[n] == '=')
@@ -126,25 +103,34 @@ static bool option(paddle *p, const char *text)
     return false;
 }
 
+// One ms: bytes to the firmware, its ms, bytes from it; then the handle moves under the motor's force.
+static bool live(paddle *p, int ms)
+{
+    uint8_t bytes[KN_AVR_LINE_MS];
+    double path_m[3] = {0}, path_m_s[3] = {0};
+    kn_avr_paddle_sense(&p->board, p->arm.position_m[2]);
+    if (!kn_avr_paddle_ms(&p->board, bytes, from_computer(p, bytes))) return false;
+    to_computer(p, ms);
+    path_m[2] = kn_person_z(ms, &path_m_s[2]);
+    kn_held_device_tick(&p->arm, (double[3]){0, 0, kn_avr_paddle_force_n(&p->board)}, path_m, path_m_s);
+    return true;
+}
+
 int main(int argc, char **argv)
 {
     const span never = {-1, 0};
-    paddle p = {.garbage = never,
-                .flip = never,
-                .mute = never,
-                .hangup = never,
-                .unwatched = never,
-                .fd = -1,
-                .random = 1,
-                .deframer.kind = KN_PADDLE_FRAME_COMMAND};
-    // A Hapkit at the handle: some 40 g felt, little friction, an encoder step of 15 um, 5 N at most.
-    const kn_held_device_def def = {.mass_kg = 0.04,
-                                    .damping_n_s_m = 0.1,
-                                    .coulomb_n = 0.05,
-                                    .encoder_m = 15e-6,
-                                    .force_limit_n = 5.0,
-                                    .axes = 1,
-                                    .grip = KN_GRIP_NORMAL};
+    static paddle p;
+    p = (paddle){.garbage = never,
+                 .flip = never,
+                 .hangup = never,
+                 .unwatched = never,
+                 .fd = -1,
+                 .random = 1,
+                 .commands.kind = KN_PADDLE_FRAME_COMMAND,
+                 .states.kind = KN_PADDLE_FRAME_STATE};
+    // A Hapkit at the handle: some 40 g felt, little friction. The firmware sees the steps of its own sensor.
+    const kn_held_device_def def = {
+        .mass_kg = 0.04, .damping_n_s_m = 0.1, .coulomb_n = 0.05, .axes = 1, .grip = KN_GRIP_NORMAL};
     int seconds = argc > 2 ? atoi(argv[2]) : 0;
     for (int i = 3; i < argc; i++)
         if (!option(&p, argv[i])) return fprintf(stderr, "paddle: %s?\n", argv[i]), 2;
@@ -152,28 +138,23 @@ int main(int argc, char **argv)
     p.link = argv[1];
     if (!plug_in(&p)) return fprintf(stderr, "paddle: no pty\n"), 3;
     kn_held_device_init(&p.arm, &def, (double[3]){0});
-    kn_watchdog_init(&p.watchdog, 0, 0);
+    kn_avr_paddle_init(&p.board, KN_PADDLE_ELF);
 
     kn_clock clock;
-    kn_bus_client_priority(
-        60); // a microcontroller has no other work; without priority the paddle is as late as any process
+    kn_bus_client_priority(60); // a microcontroller has no other work
     kn_clock_start(&clock, kn_now_ns());
     setvbuf(stdout, NULL, _IOLBF, 0); // a reader sees each ms at once
     printf("ms,z_m,asked_n,given_n,enabled,tripped,commands,bad,skipped\n");
-    for (int ms = 0; ms < 1000 * seconds;) {
-        int elapsed_ms = 1 + kn_clock_wait(&clock).missed;
+    for (int ms = 0; ms<1000 * seconds; ms += p.commands.frames> 0) {
+        kn_clock_wait(&clock);
         if (in(&p.hangup, ms) && p.fd >= 0) plug_out(&p);
         if (!in(&p.hangup, ms) && p.fd < 0 && !plug_in(&p)) return 3;
-        listen_to_computer(&p, elapsed_ms);
-        for (int n = 0; n<elapsed_ms; n++, ms += p.deframer.frames> 0) {
-            double path_m[3] = {0}, path_m_s[3] = {0};
-            path_m[2] = kn_person_z(ms, &path_m_s[2]);
-            kn_held_device_tick(&p.arm, (double[3]){0, 0, p.given_n}, path_m, path_m_s);
-        }
-        tell_computer(&p, ms);
-        const kn_paddle_decoder *d = &p.deframer;
-        printf("%d,%.6f,%.4f,%.4f,%d,%d,%lld,%lld,%lld\n", ms, p.arm.position_m[2], p.asked_n, p.given_n, p.enabled,
-               p.watchdog.tripped, (long long)d->frames, (long long)d->bad, (long long)d->skipped);
+        if (!live(&p, ms)) return fprintf(stderr, "paddle: the firmware has crashed\n"), 1;
+        const kn_paddle_decoder *d = &p.commands;
+        printf("%d,%.6f,%.4f,%.4f,%d,%d,%lld,%lld,%lld\n", ms, p.arm.position_m[2], 1e-6 * p.command.force_un,
+               kn_avr_paddle_force_n(&p.board), p.state.flags & KN_PADDLE_FRAME_MOTOR,
+               (p.state.flags & KN_PADDLE_FRAME_TRIPPED) != 0, (long long)d->frames, (long long)d->bad,
+               (long long)d->skipped);
     }
     if (p.fd >= 0) plug_out(&p);
     return 0;
