@@ -77,7 +77,7 @@ static const char help[] =
     "frames of clients/tactile/README.md. The paddle moves along the z axis of the device:\n"
     "  --tty DEVICE        serial line, e.g. /dev/ttyACM0; knead devices lists candidates\n"
     "  --baud N            230400, 460800, 500000, 576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000,\n"
-    "                      3000000, 3500000 or 4000000 (default: 921600)\n\n"
+    "                      3000000, 3500000 or 4000000 (default: 500000)\n\n"
     "spacenav: a 3Dconnexion puck through spacenavd and libspnav, with six degrees of freedom and no force. The\n"
     "deflection of the puck sets the velocity of the tool; the pose has the buttons of the puck:\n"
     "  --speed V           speed at full deflection (default: '5 cm/s')\n"

@@ -30,8 +30,8 @@ static void take(kn_paddle *p, const kn_paddle_frame *f)
     pose.velocity_m_s[2] = 1e-6 * f->velocity_um_s;
     p->base.messages++;
     snprintf(p->base.state, sizeof p->base.state, "motor %s%s%s%s", p->base.motors ? "on" : "off",
-             tripped ? ", paddle's watchdog tripped" : "", f->flags & KN_PADDLE_FRAME_SATURATED ? ", saturated" : "",
-             p->held_back ? ", serial line too slow" : "");
+             tripped ? ", switched off by the paddle itself" : "",
+             f->flags & KN_PADDLE_FRAME_SATURATED ? ", saturated" : "", p->held_back ? ", serial line too slow" : "");
     kn_bridge_moved(p->bridge, &pose);
 }
 

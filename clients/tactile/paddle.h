@@ -1,13 +1,13 @@
 #ifndef KN_CLIENTS_PADDLE_H
 #define KN_CLIENTS_PADDLE_H
 // Driver of a paddle with one degree of freedom on a serial line (such as a Hapkit). The paddle's position is the z
-// coordinate of the device, upwards. The driver has not been tested on hardware, only with tests/tactile/tool_paddle.c
-// behind a pty.
+// coordinate of the device, upwards. The driver has not been tested on hardware, only with the firmware of firmware/
+// under simavr behind a pty (tests/tactile/tool_paddle.c).
 #include "clients/tactile/bridge.h"
 #include "clients/tactile/paddle_frame.h"
 
 // Default baud rate, and the list of accepted rates as a text for error messages.
-#define KN_PADDLE_BAUD 921600
+#define KN_PADDLE_BAUD 500000
 #define KN_PADDLE_BAUDS                                                                                                \
     "230400, 460800, 500000, 576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000, 3000000, 3500000 or 4000000"
 

@@ -28,8 +28,8 @@ typedef enum kn_paddle_frame_kind {
 
 enum {                         // flags of a state frame; bits 4..7 are buttons 0..3
     KN_PADDLE_FRAME_MOTOR = 1, // flag of a state frame: the paddle's motor is on
-    // The paddle's own watchdog has tripped: no command for 20 ms. A command without KN_PADDLE_FRAME_ENABLE clears the
-    // trip.
+    // The paddle has switched its motor off by itself: no command for 20 ms, a start, or a broken sensor. A command
+    // without KN_PADDLE_FRAME_ENABLE clears the trip.
     KN_PADDLE_FRAME_TRIPPED = 2,
     KN_PADDLE_FRAME_SATURATED = 4, // the motor cannot give the commanded force
     KN_PADDLE_FRAME_BUTTON_0 = 16
