@@ -67,6 +67,8 @@ await grep -q 'is kneadd running' hand.err
 stop_hand
 kill $paddle
 wait $paddle 2>/dev/null
+awk -F, -v since="$since" 'NR > 1 && $1 >= since && !zero { if ($4 > most) most = $4; if ($4 > 0.95 * most) held = $1; if ($4 == 0) zero = $1 }
+    END { print "     kneadd killed: motor at 0 N " zero - held " ms after it had its whole force, by the firmware'"'"'s clock" }' paddle.csv
 check "the force faded, in steps, and never came back" fades paddle.csv 4 "$since"
 check "the hand reports the missing force" [ "$(told 'no force from kneadd for')" -ge 1 ]
 check "the hand reports once that nobody answers" [ "$(told 'is kneadd running')" = 1 ]

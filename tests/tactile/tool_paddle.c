@@ -152,7 +152,7 @@ int main(int argc, char **argv)
         if (!live(&p, ms)) return fprintf(stderr, "paddle: the firmware has crashed\n"), 1;
         const kn_paddle_decoder *d = &p.commands;
         printf("%d,%.6f,%.4f,%.4f,%d,%d,%lld,%lld,%lld\n", ms, p.arm.position_m[2], 1e-6 * p.command.force_un,
-               kn_avr_paddle_force_n(&p.board), p.state.flags & KN_PADDLE_FRAME_MOTOR,
+               kn_avr_paddle_force_n(&p.board), p.command.flags & KN_PADDLE_FRAME_ENABLE,
                (p.state.flags & KN_PADDLE_FRAME_TRIPPED) != 0, (long long)d->frames, (long long)d->bad,
                (long long)d->skipped);
     }
