@@ -505,7 +505,7 @@ kn_link_status kn_device_submit(kn_device *d, const kn_fixed_bound *bound, int c
     if (count < 0 || count > d->caps.bounds)
         return refuse(d, KN_LINK_PROTOCOL, "%s: %d nodes under tools: expected 0 to %d", d->uri, count, d->caps.bounds);
     // Copy the list of bounds, since parts of the list may be sent later or again.
-    memcpy(d->bound, bound, (size_t)count * sizeof *bound);
+    if (count > 0) memcpy(d->bound, bound, (size_t)count * sizeof *bound);
     d->count = count;
     d->written = 0;
     d->rung = false;
