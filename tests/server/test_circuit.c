@@ -30,13 +30,18 @@ typedef struct object { // on a board
     int ticks;
 } object;
 
+static object make_of(const char *file, const char *const set[], int count, kn_board board)
+{
+    object o = {.board = board, .scene = load_scene(file, set, count)};
+    o.model = build(&o.scene->model);
+    return o;
+}
+
 static object make(const char *file, kn_board board)
 {
     static const char *const set[] = {"solver.kind=fixed", "solver.precision=f64", "solver.passes=1",
                                       "solver.iterations=2"};
-    object o = {.board = board, .scene = load_scene(file, set, 4)};
-    o.model = build(&o.scene->model);
-    return o;
+    return make_of(file, set, 4, board);
 }
 
 // Put the object on its board's circuit. `room`: bytes allowed for the queue. A busy machine may not answer at once, so
@@ -280,10 +285,12 @@ static const char *card_name(void)
     return name;
 }
 
-static object make_alone(const char *how)
+// An object of 48 nodes, which gives its ticks and states in time on a busy machine and with sanitizers, too.
+static object make_alone(const char *how, const char *fault)
 {
-    const char *const card[] = {"--bar", card_name(), NULL};
-    object o = make("dough-small.yaml", kn_board_start(card));
+    const char *const card[] = {"--bar", card_name(), fault ? "--fault" : NULL, fault, NULL};
+    static const char *const set[] = {"solver.kind=fixed", "solver.precision=f64", "object.size=[3 cm, 2 cm, 3 cm]"};
+    object o = make_of("dough-small.yaml", set, 3, kn_board_start(card));
     strcat(o.board.uri, how);
     attach(&o);
     return o;
@@ -310,7 +317,7 @@ TEST("a circuit that computes alone gives the forces and the object that the pro
 {
     static const char *const how[] = {"?miss=500&shadow=off", "?miss=500&shadow=checked&lost=go-on"};
     for (int i = 0; i < 2; i++) {
-        AT_END(unmake) object o = make_alone(how[i]);
+        AT_END(unmake) object o = make_alone(how[i], NULL);
         kn_backend plain;
         kn_backend_status status;
         kn_fpga_counts n;
@@ -338,7 +345,7 @@ TEST("a circuit that computes alone gives the forces and the object that the pro
 
 TEST("a circuit that computes alone with other numbers is found within 50 ticks if it is checked")
 {
-    AT_END(unmake) object o = make_alone("?miss=500&shadow=checked&lost=go-on");
+    AT_END(unmake) object o = make_alone("?miss=500&shadow=checked&lost=go-on", NULL);
     char path[96];
     kn_fpga_counts n = {0};
     snprintf(path, sizeof path, "/dev/shm/%s", card_name());
@@ -361,14 +368,11 @@ TEST("a circuit that computes alone with other numbers is found within 50 ticks 
 
 TEST("a circuit that takes ticks which nobody asked for is lost, and gives no wrong force while it computes alone")
 {
-    const char *const card[] = {"--bar", card_name(), "--fault", "torn=0.01", NULL};
-    AT_END(unmake) object o = make("dough-small.yaml", kn_board_start(card));
+    AT_END(unmake) object o = make_alone("?miss=500&shadow=off&lost=go-on", "torn=0.01");
     kn_fpga_counts n = {0};
     kn_backend plain;
     kn_backend_status status;
     int wrong = 0;
-    strcat(o.board.uri, "?miss=500&shadow=off&lost=go-on");
-    attach(&o);
     CHECK(kn_backend_cpu(&plain, o.model));
     for (int t = 0; t < 2000; t++) {
         const bool same = tick_both(&o, &plain, &status);
@@ -388,7 +392,7 @@ TEST("a lost circuit that computed alone holds the force for two ticks and puts 
 {
     static const char *const how[] = {"?miss=20&shadow=off", "?miss=20&shadow=off&lost=go-on"};
     for (int i = 0; i < 2; i++) {
-        AT_END(unmake) object o = make_alone(how[i]);
+        AT_END(unmake) object o = make_alone(how[i], NULL);
         const char *const card[] = {"--bar", card_name(), NULL};
         kn_backend_status status = KN_BACKEND_OK;
         kn_output held, output;
