@@ -50,5 +50,9 @@ echo 1234 4b4e >/sys/bus/pci/drivers/vfio-pci/remove_id
 echo $bdf >/sys/bus/pci/drivers/vfio-pci/unbind
 echo 1 >$card/enable
 served sysfs
+mount -t securityfs none /sys/kernel/security
+echo integrity >/sys/kernel/security/lockdown
+kneadd /scene.yaml --backend "pcie:$bdf" 2>err
+say "locked: exit $?: $(cat err)"
 say end
 reboot -f
