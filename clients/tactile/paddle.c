@@ -12,6 +12,7 @@
 // Largest number of bytes that may wait in the serial line when a command is sent. With more waiting bytes, the command
 // would reach the motor too late.
 static const int waiting_most = 2 * KN_PADDLE_FRAME_SIZE;
+static const int off_most_ms = 100; // longest time in which a paddle may refuse the force that it is given
 
 bool kn_paddle_baud_known(int baud)
 {
@@ -25,6 +26,9 @@ static void take(kn_paddle *p, const kn_paddle_frame *f)
     bool tripped = f->flags & KN_PADDLE_FRAME_TRIPPED;
     p->base.motors = f->flags & KN_PADDLE_FRAME_MOTOR;
     p->clears = tripped && (p->clears || p->base.watchdog == KN_OWN_UNPROVED);
+    // Opened again, the paddle begins at 0 N. A session that has ended clears a trip before that.
+    p->off_ms = tripped && p->enabled ? p->off_ms + 1 : 0;
+    if (p->off_ms == off_most_ms) kn_bridge_lost(p->bridge, "it has switched its motor off");
     kn_tactile_pose pose = {.orientation_wxyz = {1.0}, .buttons = f->flags >> 4};
     pose.position_m[2] = 1e-9 * f->position_nm;
     pose.velocity_m_s[2] = 1e-6 * f->velocity_um_s;
@@ -121,8 +125,9 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
         p->held_back++;
         return;
     }
+    p->enabled = live && !p->clears;
     kn_paddle_frame_encode(&(kn_paddle_frame){.kind = KN_PADDLE_FRAME_COMMAND,
-                                              .flags = live && !p->clears ? KN_PADDLE_FRAME_ENABLE : 0,
+                                              .flags = p->enabled ? KN_PADDLE_FRAME_ENABLE : 0,
                                               .seq = p->seq++,
                                               .force_un = kn_paddle_frame_number(force_n[2], 1e-6)},
                            bytes);

@@ -16,7 +16,7 @@ start_hand() { # start_hand OPTION...
 stop_hand() { kill -INT $hand; wait $hand; hand_status=$?; cat hand.txt hand.err; }
 
 start_kneadd dough-small.yaml --set device=unknown
-paddle tty 150 garbage=3000 flip=4500 hangup=6000:800 >paddle.csv 2>paddle.err & paddle=$!
+paddle tty 150 deaf=2000:50 garbage=3000 flip=4500 hangup=6000:800 >paddle.csv 2>paddle.err & paddle=$!
 await [ -e tty ]
 start_hand --force-limit '2.5 N'
 pushed_again() { [ "$(column '$1 > 8500 && $4 > 0.5' paddle.csv)" -gt 100 ]; }
@@ -44,7 +44,8 @@ check "bad frames are counted" [ "$(count bad)" -gt 100 ]
 check "the paddle received whole frames, apart from those cut by a cable or an opening" \
     [ "$(tail -n 2 paddle.csv | head -n 1 | cut -d, -f8)" -le 3 ]
 check "an unplugged cable is reported in one line" [ "$(told 'paddle lost: tty')" = 1 ]
-check "a replugged cable is reported in one line" [ "$(told 'paddle is back')" = 1 ]
+check "a paddle that has switched its motor off is reported in one line" [ "$(told 'paddle lost: it has switched its motor off')" = 1 ]
+check "its return is reported in one line, as that of the cable" [ "$(told 'paddle is back')" = 2 ]
 check "the paddle is pushed back again afterwards" pushed_again
 check "a program that stood still reports it" [ "$(told 'this program did not run for')" -ge 1 ]
 check "the paddle's watchdog trips while the program stands still" [ "$(column '$6' paddle.csv)" -gt 300 ]

@@ -124,7 +124,7 @@ TEST("a motor that takes too much current gets less")
     CHECK(most_a < 1.2 * CURRENT_MOST / COUNTS_PER_AMPERE && most_a > 0 && state.flags & KN_PADDLE_FRAME_SATURATED);
 }
 
-TEST("a broken wire of the sensor switches the motor off")
+TEST("a broken wire of the sensor switches the motor off until a restart")
 {
     start();
     press(3);
@@ -132,8 +132,10 @@ TEST("a broken wire of the sensor switches the motor off")
     command(2, true, 3);
     CHECK(force_n() == 0 && tripped());
     position_m = 0;
+    command(5, false, 0);
     command(50, true, 3);
-    CHECK(force_n() == 0);
+    CHECK(force_n() == 0 && tripped());
+    start();
     press(3);
 }
 

@@ -9,6 +9,7 @@
 //     garbage=MS      from then on 7 random bytes before every tenth frame
 //     flip=MS         from then on one bit of every tenth frame is wrong
 //     hangup=MS:MS    from then on, for so long, the line is gone
+//     deaf=MS:MS      from then on, for so long, no bytes come from the computer
 //     unwatched=0     a second sender keeps the watchdog quiet, as if there were none
 #include "clients/hand/bus_client.h"
 #include "clients/hand/haptic_loop.h"
@@ -27,7 +28,7 @@ typedef struct span {
 typedef struct paddle {
     const char *link;
     int fd, keep; // master; slave, held open so that a leaving computer does not hang up the line
-    span garbage, flip, hangup, unwatched;
+    span garbage, flip, hangup, deaf, unwatched;
     kn_held_device arm;
     kn_avr_paddle board;
     kn_paddle_decoder commands, states; // what passes on the line, in both directions
@@ -63,10 +64,11 @@ static void plug_out(paddle *p)
 }
 
 // Take the bytes that the line brings in this ms. Return their number.
-static size_t from_computer(paddle *p, uint8_t bytes[KN_AVR_LINE_MS])
+static size_t from_computer(paddle *p, int ms, uint8_t bytes[KN_AVR_LINE_MS])
 {
     ssize_t size = p->fd < 0 ? 0 : read(p->fd, bytes, KN_AVR_LINE_MS);
     bool whole = false;
+    if (in(&p->deaf, ms)) size = 0;
     for (ssize_t i = 0; i < size; i++) whole |= kn_paddle_decoder_push(&p->commands, bytes[i], &p->command);
     p->quiet_ms = whole ? 0 : p->quiet_ms + 1;
     if (!in(&p->unwatched, 0) || p->quiet_ms < 2 || p->commands.frames == 0) return size > 0 ? (size_t)size : 0;
@@ -94,7 +96,11 @@ static bool option(paddle *p, const char *text)
     const struct {
         const char *name;
         span *span;
-    } known[] = {{"garbage", &p->garbage}, {"flip", &p->flip}, {"hangup", &p->hangup}, {"unwatched", &p->unwatched}};
+    } known[] = {{"garbage", &p->garbage},
+                 {"flip", &p->flip},
+                 {"hangup", &p->hangup},
+                 {"deaf", &p->deaf},
+                 {"unwatched", &p->unwatched}};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
         size_t n = strlen(known[i].name);
         if (!strncmp(text, known[i].name, n) && text[n] == '=')
@@ -109,7 +115,7 @@ static bool live(paddle *p, int ms)
     uint8_t bytes[KN_AVR_LINE_MS];
     double path_m[3] = {0}, path_m_s[3] = {0};
     kn_avr_paddle_sense(&p->board, p->arm.position_m[2]);
-    if (!kn_avr_paddle_ms(&p->board, bytes, from_computer(p, bytes))) return false;
+    if (!kn_avr_paddle_ms(&p->board, bytes, from_computer(p, ms, bytes))) return false;
     to_computer(p, ms);
     path_m[2] = kn_person_z(ms, &path_m_s[2]);
     kn_held_device_tick(&p->arm, (double[3]){0, 0, kn_avr_paddle_force_n(&p->board)}, path_m, path_m_s);
@@ -123,6 +129,7 @@ int main(int argc, char **argv)
     p = (paddle){.garbage = never,
                  .flip = never,
                  .hangup = never,
+                 .deaf = never,
                  .unwatched = never,
                  .fd = -1,
                  .random = 1,

@@ -7,8 +7,8 @@
 //     main loop:         bytes -> command;  new angle -> position, velocity -> state frame
 //
 // The motor is off from reset until a command without `enable`. It gives force while commands with `enable` and rising
-// numbers come. Silence or a broken sensor trips it, and it is off as after reset. If the main loop or the ms stops, the
-// chip's own watchdog resets it after 15 ms, and reset makes every pin an input.
+// numbers come. Silence trips it, and it is off as after reset; a broken sensor, and it is off until a reset. If the main
+// loop or the ms stops, the chip's own watchdog resets it after 15 ms, and reset makes every pin an input.
 #include "clients/tactile/firmware/board.h"
 #include "clients/tactile/paddle_frame.h"
 #include <avr/interrupt.h>
@@ -26,6 +26,7 @@ enum { GAIN_ONE = 4096, FADE = GAIN_ONE / (ZERO_MS - HOLD_MS), RISE = GAIN_ONE /
 // Interrupts and the main loop share these, so the main loop touches them in atomic blocks.
 static volatile bool news;               // a command has come since the last ms
 static volatile bool tripped = true;     // no force until a command without `enable`
+static volatile bool broken;             // the sensor was, so where the handle is now is unknown until a restart
 static volatile bool enabled;            // `enable` of the last command
 static volatile bool saturated;          // the force is above the limit
 static volatile int16_t asked;           // force of the last command, steps of the pulse width
@@ -74,8 +75,8 @@ ISR(ADC_vect)
 {
     const uint16_t counts = ADC; // read before the input is changed
     if ((ADMUX & 15) == ANGLE_INPUT) {
-        if (counts < SENSOR_FAULT || counts > 1023 - SENSOR_FAULT) tripped = true;
-        angle = counts;
+        if (counts < SENSOR_FAULT || counts > 1023 - SENSOR_FAULT) tripped = broken = true;
+        else angle = counts;
         sampled = true;
         ADMUX = REFERENCE | CURRENT_INPUT;
         ADCSRA |= _BV(ADSC);
@@ -93,9 +94,9 @@ static volatile uint8_t sent = sizeof frame;
 
 ISR(USART_RX_vect)
 {
-    const bool broken = UCSR0A & _BV(FE0); // read before the byte
+    const bool damaged = UCSR0A & _BV(FE0); // read before the byte
     const uint8_t byte = UDR0, next = (head + 1) % sizeof ring;
-    if (broken || next == tail) return;
+    if (damaged || next == tail) return;
     ring[head] = byte;
     head = next;
 }
@@ -123,7 +124,7 @@ static void obey(const kn_paddle_frame *command)
         news = true;
         enabled = enable;
         asked = (int16_t)steps;
-        if (!enable && tripped) tripped = false, gain = GAIN_ONE; // the computer has a ramp of its own
+        if (!enable && tripped && !broken) tripped = false, gain = GAIN_ONE; // the computer has a ramp of its own
     }
 }
 
