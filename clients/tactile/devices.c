@@ -28,27 +28,16 @@ static const char help[] =
     "    knead devices\n\n"
     "Exit codes: 0 the list was printed, 2 bad input.\n";
 
-// Known USB devices. Columns: vendor, product (-1: any), name, most suitable profile, driver of `knead hand` (NULL:
-// none). knead drives pucks (3D mice) through spacenavd.
+// Known USB devices. Columns: vendor, first and last product, name, most suitable profile, driver of `knead hand` (NULL:
+// none). knead drives pucks (3D mice) through spacenavd. Logitech sold 3Dconnexion's first ones.
 static const struct known {
-    unsigned vendor;
-    int product;
+    unsigned vendor, first, last;
     const char *name, *profile, *driver;
-} usb_known[] = {{0x256f, -1, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc603, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc605, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc606, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc621, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc623, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc625, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc626, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc627, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc628, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc629, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x046d, 0xc62b, "3Dconnexion puck", "bench", "spacenav"},
-                 {0x0403, 0xcb48, "Novint Falcon", "falcon", NULL},
-                 {0x1451, -1, "Force Dimension", "omega", "forcedimension"},
-                 {0x2988, -1, "3D Systems Touch", "touch", "touch"}};
+} usb_known[] = {{0x256f, 0, 0xffff, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x046d, 0xc603, 0xc62b, "3Dconnexion puck", "bench", "spacenav"},
+                 {0x0403, 0xcb48, 0xcb48, "Novint Falcon", "falcon", NULL},
+                 {0x1451, 0, 0xffff, "Force Dimension", "omega", "forcedimension"},
+                 {0x2988, 0, 0xffff, "3D Systems Touch", "touch", "touch"}};
 
 // Format a text. Replace bytes that are not printable, because a terminal could take them as commands.
 __attribute__((format(printf, 2, 3))) static void set(char text[KN_DEVICES_TEXT], const char *format, ...)
@@ -131,7 +120,7 @@ static void find_haply(kn_found *f)
 static const struct known *know(unsigned vendor, unsigned product)
 {
     for (size_t i = 0; i < sizeof usb_known / sizeof *usb_known; i++)
-        if (usb_known[i].vendor == vendor && (usb_known[i].product < 0 || (unsigned)usb_known[i].product == product))
+        if (usb_known[i].vendor == vendor && usb_known[i].first <= product && product <= usb_known[i].last)
             return &usb_known[i];
     return NULL;
 }
