@@ -27,9 +27,6 @@ struct circuit {
     }
     circuit()
     {
-#ifdef KN_MUTANTS // hdl/reports/mutants: number of the active mutant, 0 none
-        top.mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
-#endif
         top.rst = 1;
         edge();
         top.rst = 0;

@@ -4,9 +4,6 @@
 // with.
 #include "Vknead_link_serial.h"
 #include "hdl/sim/circuit_bench.h"
-#if VM_COVERAGE
-#include "verilated_cov.h"
-#endif
 
 struct wires {
     VerilatedContext context;
@@ -25,13 +22,6 @@ struct wires {
         hold(1, 8);
         top.rst = 0;
     }
-#if VM_COVERAGE
-    ~wires()
-    {
-        static int lines;
-        context.coveragep()->write(("coverage_" + std::to_string(lines++) + ".dat").c_str());
-    }
-#endif
     void clock(bool level)
     {
         top.rx = level;

@@ -1,15 +1,10 @@
 #ifndef KN_HDL_SIM_WORD_BUS_H
 #define KN_HDL_SIM_WORD_BUS_H
-// A Verilated circuit, and a host's access to words through its bus (hdl/README.md, Registers and windows).
+// A Verilated circuit, and a host's access to words through its bus (hdl/REGISTERS.md).
 #include <cstdint>
-#include <cstdlib>
 #include <memory>
-#include <string>
 
 #include "verilated.h"
-#if VM_COVERAGE
-#include "verilated_cov.h"
-#endif
 
 // A Verilated circuit, powered up with random memories and registers from the seed; seed 0: zeros.
 template <typename verilated> struct circuit {
@@ -18,19 +13,9 @@ template <typename verilated> struct circuit {
     uint64_t clocks = 0;
 
     explicit circuit(int seed) { power_up(seed); }
-    ~circuit()
-    {
-        top->final();
-#if VM_COVERAGE
-        static int circuits;
-        context.coveragep()->write(("coverage_" + std::to_string(circuits++) + ".dat").c_str());
-#endif
-    }
+    ~circuit() { top->final(); }
     void power_up(int seed)
     {
-#if VM_COVERAGE // a bit that begins high and is reset would count as toggled by a host
-        seed = 0;
-#endif
         context.randReset(seed ? 2 : 0);
         context.randSeed(seed);
         top.reset(new verilated(&context));
@@ -43,9 +28,6 @@ template <typename verilated> struct word_bus : circuit<verilated> {
     explicit word_bus(int seed) : circuit<verilated>(seed) { reset(); }
     void reset()
     {
-#ifdef KN_MUTANTS // hdl/reports/mutants: number of the active mutant, 0 none
-        top->mutant = (uint16_t)atoi(getenv("KN_MUTANT"));
-#endif
         top->rst = 1;
         top->bus_valid = 0;
         for (int i = 0; i < 4; i++) clock();
