@@ -1,5 +1,5 @@
-// Table of steps that compute in the circuit's integers on one core, compared with steps in floating point. Further
-// columns estimate the time of the circuit itself from its number of clock cycles and assumed clock frequencies.
+// Table of steps that compute in the circuit's integers on one core, compared with steps in floating point. The last
+// columns are the circuit's clock cycles and its time on the board of hdl/boards, whose clock closes timing there.
 #include "bench/throughput.h"
 #include "core/solver_fixed.h"
 #include "hdl/registers.h"
@@ -26,7 +26,7 @@ static kn_model_def integers(int per_cm)
 
 static void measure(int per_cm, const throughput_options *o)
 {
-    static const double mhz[] = {100, 150, 300};
+    const double board_mhz = 45; // board_mhz of hdl/boards/run
     const kn_model_def def[] = {press_def(per_cm), integers(per_cm)};
     const int ticks = o->quick ? 200 : 600;
     runner r[] = {turns_knead(&def[0], press_hand, NULL, 0), turns_knead(&def[1], press_hand, NULL, 0)};
@@ -34,10 +34,8 @@ static void measure(int per_cm, const throughput_options *o)
     summary real = turns_summary(&r[0], ticks), whole = turns_summary(&r[1], ticks);
     const kn_model *m = turns_model(&r[1]);
     const double clocks = clocks_of(m, 16);
-    printf("| %5d | %5d | %8.1f | %8.1f | %8.0f |", m->node_count, m->edge_count, real.median_us, whole.median_us,
-           clocks);
-    for (size_t i = 0; i < sizeof mhz / sizeof *mhz; i++) printf(" %6.0f |", clocks / mhz[i]);
-    puts("");
+    printf("| %5d | %5d | %8.1f | %8.1f | %8.0f | %8.0f |\n", m->node_count, m->edge_count, real.median_us,
+           whole.median_us, clocks, clocks / board_mhz);
     turns_free(r, 2);
     for (int i = 0; i < 2; i++) turns_destroy(&r[i]);
 }
@@ -46,12 +44,10 @@ void table_integers(const throughput_options *o)
 {
     puts(
         "\nIntegers: a step of core/fixed.h on one core, with two passes of eight iterations, and the default step in\n"
-        "f32. Clock cycles of a tick of the circuit with 16 nodes under a plate, and its time in us at clock\n"
-        "frequencies that are assumed, not measured: 100 MHz for an ECP5, 150 MHz for an Artix-7, 300 MHz for an\n"
-        "UltraScale+. The memories of the synthesized circuit hold 1024 nodes; a row with more nodes assumes larger\n"
-        "memories.\n");
-    puts("| nodes | edges | f32 us   | fixed us | clocks   | at 100 |    150 |    300 |");
-    puts("|------:|------:|---------:|---------:|---------:|-------:|-------:|-------:|");
+        "f32. Clock cycles of a tick of the circuit with 16 nodes under a plate, and its time on an LFE5U-85F at\n"
+        "45 MHz (hdl/README.md). The circuit there holds 1024 nodes; a row with more nodes assumes larger memories.\n");
+    puts("| nodes | edges | f32 us   | fixed us | clocks   | board us |");
+    puts("|------:|------:|---------:|---------:|---------:|---------:|");
     for (int per_cm = 1; per_cm <= 3; per_cm++)
         if (per_cm < 3 || (!o->quick && o->nodes_max >= 2560)) measure(per_cm, o);
 }
