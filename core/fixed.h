@@ -33,8 +33,8 @@
 #include <stdint.h>
 
 // Number formats of the circuit: name, bits (s signed, u unsigned), fraction bits, unit. lambda is the unit of length,
-// phi that of force; both are powers of two chosen by the host (core/solver_fixed.h). C, Verilog and hdl/README.md get
-// the formats from here.
+// phi that of force; both are powers of two chosen by the host (core/solver_fixed.h). C, Verilog and hdl/REGISTERS.md
+// get the formats from here.
 #define KN_FIXED_FORMATS(FORMAT)                                                                                       \
     FORMAT(X, s, 36, 0, "lambda", "position of a node")                                                                \
     FORMAT(U, s, 25, 0, "lambda", "displacement of a node in this tick; of an edge's ends against each other")         \

@@ -1,6 +1,6 @@
 #ifndef KN_HDL_REGISTERS_H
 #define KN_HDL_REGISTERS_H
-// The circuit as a host sees it: words of 32 bits at word addresses of 24 bits. C, Verilog and hdl/README.md get the
+// The circuit as a host sees it: words of 32 bits at word addresses of 24 bits. C, Verilog and hdl/REGISTERS.md get the
 // table from this file (hdl/table.c). The hash of the table, together with that of the formats, is BUILD_HASH.
 //
 // A transfer is refused (bus_error) at an address without a register or window, when it writes a read-only word, a

@@ -1,5 +1,5 @@
 // Print the circuit's formats and registers: --verilog (knead_formats.vh), --seeds (knead_seeds.vh), --c
-// (knead_hash.h), --markdown (hdl/README.md). All come from core/fixed.h and hdl/registers.h. The hash covers the
+// (knead_hash.h), --markdown (hdl/REGISTERS.md). All come from core/fixed.h and hdl/registers.h. The hash covers the
 // output of --markdown.
 #include <stdint.h>
 #include <stdio.h>
@@ -19,7 +19,7 @@ typedef struct text {
 // Append to a text; TEXT is large enough for all tables.
 #define SAY(t, ...) ((t)->length += (size_t)snprintf((t)->at + (t)->length, TEXT - (t)->length, __VA_ARGS__))
 
-// Write the three tables of hdl/README.md.
+// Write the three tables of hdl/REGISTERS.md.
 static void markdown(text *t)
 {
     SAY(t, "| format | bits | fraction | unit | what |\n|---|---|---|---|---|\n");

@@ -1,7 +1,8 @@
 `default_nettype none
 // The link: bytes in, bytes out, and a 32-bit word bus of which it is the only master. A frame that passes every check
-// is executed and answered; any other frame only adds to a counter (hdl/README.md). rx_ready goes low while one request
-// is executed and another one waits. A line that cannot wait then loses bytes, and that frame fails its checksum.
+// is executed and answered; any other frame only adds to a counter (hdl/REGISTERS.md). rx_ready goes low while one
+// request is executed and another one waits. A line that cannot wait then loses bytes, and that frame fails its
+// checksum.
 module knead_link (
     input  wire        clk,
     input  wire        rst,
