@@ -20,7 +20,8 @@
 #define KN_AVR_CLOCK 16000000
 
 // Data addresses of the ATmega328P
-enum { KN_AVR_PORTB = 0x25, KN_AVR_DDRD = 0x2a, KN_AVR_TIMSK1 = 0x6f, KN_AVR_TCCR2A = 0xb0, KN_AVR_OCR2B = 0xb4 };
+enum { KN_AVR_DDRB = 0x24, KN_AVR_PORTB = 0x25, KN_AVR_DDRD = 0x2a };
+enum { KN_AVR_TIMSK1 = 0x6f, KN_AVR_TCCR2A = 0xb0, KN_AVR_OCR2B = 0xb4 };
 
 typedef struct kn_avr_paddle {
     avr_t *avr;
@@ -75,11 +76,12 @@ static inline void kn_avr_paddle_init(kn_avr_paddle *p, const char *elf)
     avr_irq_register_notify(avr_io_getirq(p->avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), kn_avr_on_byte, p);
 }
 
-// Return the pulse width with the sign of the direction, steps; 0 while the pin is no output of timer 2.
+// Return the pulse width with the sign of the direction, steps; 0 while a pin of the driver is no output.
 static inline int kn_avr_paddle_steps(const kn_avr_paddle *p)
 {
     const uint8_t *data = p->avr->data;
-    const bool drives = data[KN_AVR_DDRD] & 1 << 3 && (data[KN_AVR_TCCR2A] & 0x30) == 0x20;
+    const bool steers = (data[KN_AVR_DDRB] & 0x12) == 0x12 && !(data[KN_AVR_PORTB] & 1 << 1); // direction; brake is low
+    const bool drives = steers && data[KN_AVR_DDRD] & 1 << 3 && (data[KN_AVR_TCCR2A] & 0x30) == 0x20;
     const int width = drives ? data[KN_AVR_OCR2B] : 0;
     return data[KN_AVR_PORTB] & 1 << 4 ? width : -width;
 }
