@@ -24,7 +24,7 @@ static void help(void)
          "       knead-simdev --pci [OPTION]... QEMU ARGUMENT...\n\n"
          "Simulate a circuit that steps a lattice: serve its registers behind a serial line, in shared memory, or as a\n"
          "PCI card of a virtual machine.\n"
-         "Print the URI by which a host reaches the circuit (not --pci), run until SIGTERM or SIGINT, then print the\n"
+         "Print the URI by which a host reaches the circuit (--pci prints none), run until SIGTERM or SIGINT, then print the\n"
          "counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
@@ -162,7 +162,8 @@ static int run(int argc, char **argv)
         return bad(o.bar, "--bar with a name of 1 to 199 letters, without /");
     for (int i = 0; !o.uart && i < KN_LINK_FAULT_COUNT; i++)
         if (s.faults.rate[i] > 0 && (o.pci || kn_link_fault_of_frames((kn_link_fault)i)))
-            return bad(kn_link_fault_word((kn_link_fault)i), "--uart, because memory has no frames");
+            return bad(kn_link_fault_word((kn_link_fault)i),
+                       o.pci ? "--uart or --bar: --pci has no faults" : "--uart, because memory has no frames");
     if (o.rtl && o.sized) return bad("--caps", "--engine golden, because the circuit is built for 10,14,10");
     if (o.rtl && s.faults.rate[KN_LINK_FAULT_TORN] > 0)
         return bad("torn", "--engine golden, because the circuit steps only on request");

@@ -114,6 +114,9 @@ bool kn_simdev_pci(kn_simdev *simdev, char **qemu)
     waitpid(child, &status, 0);
     fclose(from);
     if (!known) fprintf(stderr, "knead-simdev: %s: message %d: expected those of QEMU 7.2\n", qemu[0], m.command);
+    else if (!*simdev->stop && status)
+        fprintf(stderr, "knead-simdev: %s ended with %s %d\n", qemu[0], WIFSIGNALED(status) ? "signal" : "exit code",
+                WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status));
     errno = 0;
     return known && (*simdev->stop || !status);
 }

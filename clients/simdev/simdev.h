@@ -55,7 +55,7 @@ typedef struct kn_simdev {
 } kn_simdev;
 
 // Serve on a pseudo-terminal. link: path of a symbolic link to the terminal, which is created again when the terminal
-// changes; NULL: no symbolic link. Return false with errno set on failure; 0: QEMU has failed and said why.
+// changes; NULL: no symbolic link. All three return false with errno set on failure. errno 0: the line is printed.
 bool kn_simdev_uart(kn_simdev *simdev, const char *link);
 bool kn_simdev_bar(kn_simdev *simdev, const char *name); // /dev/shm/NAME
 bool kn_simdev_pci(kn_simdev *simdev, char **qemu);      // in a guest of this command, until the command ends

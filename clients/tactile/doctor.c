@@ -274,7 +274,7 @@ static void look_at_devices(findings *f, const char *root)
 // Check the way that kneadd takes to a card, and that the IOMMU keeps the card from the memory of this machine.
 static void look_at_card(findings *f, const char *root, const char *card)
 {
-    char sysfs[PATH_MAX], path[PATH_MAX + 64], line[128], driver[KN_LINK_CARD], group[KN_LINK_CARD];
+    char sysfs[PATH_MAX], path[PATH_MAX + 64], line[300], driver[KN_LINK_CARD], group[KN_LINK_CARD];
     unsigned vendor, device;
     snprintf(sysfs, sizeof sysfs, "%s/sys", root);
     snprintf(path, sizeof path, "%s/bus/pci/devices/%s/modalias", sysfs, card);
@@ -300,13 +300,18 @@ static void look_at_card(findings *f, const char *root, const char *card)
         fix(c,
             "echo 'SUBSYSTEM==\"vfio\", GROUP=\"knead\", MODE=\"0660\"' | sudo tee /etc/udev/rules.d/70-knead.rules; "
             "sudo udevadm control --reload; sudo udevadm trigger -s vfio");
-    else fix(c, "sudo chown $USER %s; then echo 1 | sudo tee enable in the same folder", path);
+    else if (access(path, F_OK) != 0) fix(c, "%s has no BAR 0, so it is no circuit of Knead; lspci -D lists all", card);
+    else fix(c, "sudo chown $USER %s; echo 1 | sudo tee %s/bus/pci/devices/%s/enable", path, sysfs, card);
     c = add(f, "isolation", isolated,
             *group ? "%s is in IOMMU group %s, driver %s"
                    : "%s has no IOMMU group: nothing keeps it from the memory of this machine",
             card, group, *driver ? driver : "none");
     *line = 0;
-    if (*driver) snprintf(line, sizeof line, "echo %s | sudo tee /sys/bus/pci/drivers/%s/unbind; ", card, driver);
+    if (*driver)
+        snprintf(line, sizeof line,
+                 "if this is the circuit, and not a card that %s drives: echo %s | sudo tee "
+                 "/sys/bus/pci/drivers/%s/unbind; ",
+                 driver, card, driver);
     if (!*group)
         fix(c, "switch on the IOMMU (VT-d or AMD-Vi) in the firmware's setup; add intel_iommu=on to the kernel's "
                "parameters on Intel");

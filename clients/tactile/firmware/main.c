@@ -109,7 +109,8 @@ ISR(USART_UDRE_vect)
 
 // ---- the main loop
 
-// Take a command. With `enable` only a number above the last is news: a repeated or recorded frame keeps no motor on.
+// Take a command. With `enable` only a number above the last is news, so a repeated frame keeps no motor on. Without it
+// any number is taken, and a new session begins.
 static void obey(const kn_paddle_frame *command)
 {
     static uint16_t heard;
@@ -167,7 +168,9 @@ static void tell(void)
         state.force_un = given * UN_PER_STEP;
     }
     const int32_t moved_nm = way(now) * NM_PER_COUNT;
-    state.position_nm += moved_nm;
+    if (state.position_nm > 1000000000 || state.position_nm < -1000000000)
+        tripped = broken = true; // no handle moves by 1 m
+    else state.position_nm += moved_nm;
     state.velocity_um_s += (moved_nm - state.velocity_um_s) >> 1; // nm per ms; a low-pass of 110 Hz
     state.seq++;
     wdt_reset();
