@@ -56,8 +56,8 @@ typedef enum kn_fixed_where {
 // Functions that the step calls, so that a circuit or another program can compute the same ticks in parallel or
 // instead. `begin` gets the boundary list of a tick before the tick is computed, and the integers x, u of the state. If
 // it returns THERE, it has stored the new x and u, the reactions and the result. If it returns LATE, kn_step returns
-// without results, and the next kn_step calls it with the same list again, whatever input that kn_step gets. `end` gets
-// the results of a tick that was computed here. Both get `self`.
+// without results. The next kn_step continues this step, whatever its own input: it calls `begin` with the same list.
+// `end` gets the results of a tick that was computed here. Both get `self`.
 typedef struct kn_fixed_watch {
     void *self;
     kn_fixed_where (*begin)(void *self, const kn_fixed_bound *bound, int count, kn_fixed *engine,

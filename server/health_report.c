@@ -286,7 +286,7 @@ static void tell_losses(kn_health_check *c)
     bool lost = kn_backend_fpga_news(&c->served->backend, line);
     if (lost)
         kn_console_err("kneadd: circuit lost, %lld times so far: %s%s", (long long)n.reasons, line,
-                       n.in_step ? ", and in step again" : "");
+                       n.in_step ? "; it is in step again" : "");
     else if (c->lost_told && n.in_step)
         kn_console_err("kneadd: circuit in step again; its state was loaded %lld times so far", (long long)n.loads);
     c->lost_told = (lost || c->lost_told) && !n.in_step;
@@ -354,10 +354,11 @@ static void tell_ready(kn_health_check *c, FILE *out)
                 1e-6 * (double)c->rest_ns, 1e-9 * (double)circuit.load_ns, (long long)circuit.queue);
         if (circuit.notice) fprintf(out, "kneadd: %s\n", circuit.notice);
         if (c->rest_ns > REST_TICK_NS)
-            fprintf(out,
-                    "kneadd: expected at most %g ms per tick: the circuit will fall behind; its twin on the processor "
-                    "gives the forces, unless the circuit computes alone\n",
-                    1e-6 * REST_TICK_NS);
+            fprintf(
+                out,
+                "kneadd: expected at most %g ms per tick: the circuit will fall behind; then its twin on the processor "
+                "gives the forces, or without a twin the last force is held\n",
+                1e-6 * REST_TICK_NS);
     } else if (c->rest_ns > REST_TICK_NS)
         fprintf(
             out,

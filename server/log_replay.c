@@ -542,6 +542,7 @@ static void take_pose(kn_replay *r, int p)
     // if the pose is not remembered any more, it may still be the pose that the previous tick used
     bool held = v->live[p] && pose->session == f->session && pose->seq == f->seq;
     r->tick.in.fresh[p] = !(f->flags & KNEAD_CONTACT_FORCE_T_FLAG_STALE);
+    r->tick.in.held |= (f->flags & KNEAD_CONTACT_FORCE_T_FLAG_HELD) != 0;
     v->live[p] = v->live[p] || found;
     if (found) *pose = *found;
     else if (!held) guess_pose(r, p);

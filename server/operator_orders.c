@@ -170,6 +170,7 @@ static void replace(kn_tick *t)
 {
     kn_backend *b = t->servo->backend;
     if (t->servo->lost) {
+        t->servo->lost = false;
         begin_replacement(t);
         restore(t, NULL, -1, t->in->tick - 1 - t->in->missed - b->back(b->self));
     }

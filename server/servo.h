@@ -85,6 +85,7 @@ typedef struct kn_tick_in {
     int overload;
     kn_quality_cause take;
     kn_quality quality; // new quality point; its kn_point.live must be set; not read if `take` is KN_QUALITY_CAUSE_NONE
+    bool held;          // in a replay: the recorded force of this tick is that of an earlier tick (FLAG_HELD)
     // Time from the start of the last tick until its forces were ready, ns; 0: no clock, so ticks are not judged by
     // time.
     int64_t execution_ns;
@@ -159,8 +160,9 @@ typedef struct kn_servo { // state of the servo; plain data apart from the point
     int64_t slow_ns;  // total duration of the latest run of consecutive ticks longer than 1 ms, ns
     int slow;         // number of ticks summed in slow_ns, counted up to KN_OVER_TICKS
     bool overloaded;  // true after slow_ns reached KN_OVERLOAD_NS; no tool acts on the object during an overload
+    double force_n[KN_PROBES_MAX][3], torque_n_m[KN_PROBES_MAX][3]; // contact of the last tick that was not held
     bool lost;  // the backend has lost its circuit in the last tick, and has put the object back to an older state
-    bool still; // the object stands still until the circuit is back; no tool may begin to act on it
+    bool still; // the object stands still until a lost circuit is back; no tool may begin to act on it
     // Number of ticks since kn_servo_init. The fields capped, late and diverged count since kn_servo_init as well.
     int64_t ticks;
     int64_t capped;     // number of steps that stopped at the solver's iteration cap or its deadline

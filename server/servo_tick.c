@@ -142,6 +142,7 @@ static void read_all(kn_tick *t)
     int64_t before = t->in->tick - 1 - t->in->missed; // number of the previous tick
     if (servo->ticks == 0) kn_tick_event(t, KNEAD_EVENT_T_KIND_START, -1);
     kn_orders_apply(t);
+    servo->still = servo->backend->still && servo->backend->still(servo->backend->self);
     if (t->in->stop && !servo->stopping) kn_tick_event(t, KNEAD_EVENT_T_KIND_STOP, -1);
     servo->stopping = t->in->stop;
     // quality, overload and deadline must be settled before the probes are watched and the lattice is stepped
@@ -217,7 +218,6 @@ static void step(kn_tick *t)
     const kn_backend_status status = b->wait(b->self, t->in->deadline_ns, &t->output);
     kn_helper_rest(t->servo->helper);
     t->servo->lost = status == KN_BACKEND_LOST;
-    t->servo->still = t->servo->lost || status == KN_BACKEND_STILL;
     switch (status) {
     case KN_BACKEND_OK: break;
     case KN_BACKEND_SHADOWED: t->shadowed = true; break;
@@ -226,7 +226,7 @@ static void step(kn_tick *t)
         t->held = true;
         t->servo->late++;
         break;
-    case KN_BACKEND_STILL: break;
+    case KN_BACKEND_STILL: t->held = true; break;
     case KN_BACKEND_DIVERGED:
         t->servo->diverged++;
         t->diverged = true;
@@ -257,8 +257,16 @@ static void guard_probe(kn_tick *t, int p)
     // only.
     bool sane = !t->diverged && finite3(contact->force_n) && finite3(contact->torque_n_m) &&
                 finite3(contact->position_m) && finite3(contact->orientation_wxyz) && isfinite(contact->work_j);
-    const double *force = t->diverged ? none : contact->force_n, *torque = t->diverged ? none : contact->torque_n_m;
+    // A held force is that of an earlier tick. The time since the last live contact goes on, so the impulse guard allows
+    // the change of several ticks when the circuit answers again.
+    const int gap_ms = s->gap_ms;
+    double *force = t->servo->force_n[p], *torque = t->servo->torque_n_m[p];
+    if (!t->held) memcpy(force, t->diverged ? none : contact->force_n, sizeof t->servo->force_n[p]);
+    if (!t->held) memcpy(torque, t->diverged ? none : contact->torque_n_m, sizeof t->servo->torque_n_m[p]);
     f->flags = kn_safety_filter(s, &t->watch[p], force, torque, f->force_n, f->torque_n_m);
+    if (t->held) s->gap_ms = gap_ms;
+    // lifting the tool does not help while the object stands still
+    if (t->servo->still) f->flags &= ~KN_FLAG_REENGAGE_LIFT;
     if (latched(s) && latched(s) != t->fault[p]) kn_tick_event(t, KNEAD_EVENT_T_KIND_FAULT, p)->arg[0] = s->fault;
     // Echo session and number of the pose that the tick used. A session that left may end once its force is 0.
     f->live = t->watch[p].live;
@@ -314,7 +322,7 @@ void kn_servo_tick(kn_servo *servo, const kn_tick_in *in, kn_tick_out *out)
     out->missed = in->missed;
     out->probes = servo->model->def.probe_count;
     out->local = servo->backend->contact != NULL;
-    kn_tick t = {.servo = servo, .in = in, .out = out};
+    kn_tick t = {.servo = servo, .in = in, .out = out, .held = in->held};
 
     kn_helper_wake(servo->helper); // it wakes while this thread reads the poses
     read_all(&t);

@@ -15,7 +15,7 @@ typedef enum kn_backend_status {
     KN_BACKEND_LATE, // the backend did not answer by the deadline; the output is that of the last tick
     // The circuit is lost, and the object went back to an older state; the output is that of the last tick.
     KN_BACKEND_LOST,
-    KN_BACKEND_STILL,   // the circuit is lost, and the object stands still until the circuit is back; forces are zero
+    KN_BACKEND_STILL,   // the object stands still because its circuit is lost (`still`); forces are zero
     KN_BACKEND_DIVERGED // the physics gave non-finite numbers; forces are zero until a reset
 } kn_backend_status;
 
@@ -27,12 +27,14 @@ typedef struct kn_backend {
     kn_backend_status (*wait)(void *self, int64_t deadline_ns, kn_output *output);
     // Return the object's state after the last wait; valid until the next submit.
     const kn_state *(*state)(void *self);
-    // As `state`, but its strains may be those of an older tick. It costs nothing, whereas `state` may ask a circuit.
+    // As `state`, but its strains may be those of an older tick. It never asks a circuit, as `state` may.
     // NULL: the same as `state`.
     const kn_state *(*shape)(void *self);
     const kn_scratch *(*scratch)(void *self); // scratch of the last step, which has its contact (touch.h)
-    // Return how many ticks the object went back at the latest LOST. NULL: the backend has no circuit.
+    // Return how many ticks the object went back at the latest LOST, and whether the object stands still until a lost
+    // circuit is back. NULL: the backend has no circuit.
     int (*back)(void *self);
+    bool (*still)(void *self);
     void (*reset)(void *self);                          // put the object back to its initial state
     void (*restore)(void *self, const kn_state *state); // replace the object by a copy of a state of this model
     // Fill in the physical fields of the local contact model of probe p, as of the last wait. The model has at most

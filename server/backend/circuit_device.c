@@ -558,6 +558,13 @@ kn_link_status kn_device_read(kn_device *d, kn_fixed *into, int64_t deadline_ns)
     return drive(d, deadline_ns);
 }
 
+bool kn_device_gone(kn_device *d)
+{
+    const bool gone = ready(d) && d->link.gone && d->link.gone(d->link.self);
+    if (gone) broken(d, KN_LINK_GONE);
+    return gone;
+}
+
 void kn_device_stats_of(const kn_device *d, kn_device_stats *stats)
 {
     kn_link_counts now = {0};

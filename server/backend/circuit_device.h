@@ -118,6 +118,9 @@ kn_link_status kn_device_read(kn_device *device, kn_fixed *into, int64_t deadlin
 // as for kn_device_crc.
 kn_link_status kn_device_moves(kn_device *device, int32_t *u, int64_t deadline_ns);
 
+// Return true, and mark the device as LOST, if it is being removed. Between two ticks, for an object that takes none.
+bool kn_device_gone(kn_device *device);
+
 void kn_device_stats_of(const kn_device *device, kn_device_stats *stats);
 
 #endif

@@ -11,8 +11,7 @@
 
 #define QUEUE_LEAST 1024 // smallest length of the queue, ticks; every length is a power of two
 #define QUEUE_MOST 65536
-#define PATIENCE_NS 10000000000 // longest time for one tick in a replay, which has no clock, ns
-#define AGAIN_NS 20000000       // time between two attempts to find the circuit, ns
+#define AGAIN_NS 20000000 // time between two attempts to find the circuit, ns
 #define LOOK_NS 100000
 #define STACK_BYTES (512 * 1024)
 #define LAST_NS 1000000000 // longest time to get in step once more when the server ends, ns
@@ -51,11 +50,12 @@ static void tell(fpga *f)
                  1e-9 * (double)atomic_load(&f->load_ns));
         why = numbers;
     }
-    char then[120] = "its twin goes on";
+    char then[160] = "its twin goes on", age[60] = "the object ";
+    const int back = atomic_load(&f->off.back);
+    if (back >= 0) snprintf(age, sizeof age, "the object went back by %d ms and ", back);
     if (f->shadow != KN_SHADOW_FULL)
-        snprintf(then, sizeof then, "%s; the object is that of %d ms before",
-                 f->goes_on ? "the processor goes on" : "the object stands still until the circuit is back",
-                 atomic_load(&f->off.back));
+        snprintf(then, sizeof then, "%s%s", age,
+                 f->goes_on ? "is computed by the processor" : "stands still until the circuit is back");
     snprintf(f->line, sizeof f->line, "%s: %s%s%s; %s", kn_loss_word((kn_loss)loss), kn_loss_means((kn_loss)loss),
              *why ? ": " : "", why, then);
     atomic_store(&f->news, true);
@@ -252,7 +252,7 @@ static void take_copy(fpga *f)
 // Without a clock (a replay), give the copy at once and wait while the thread lets the circuit catch up.
 static void await_thread(fpga *f)
 {
-    int64_t until_ns = kn_now_ns() + PATIENCE_NS;
+    int64_t until_ns = kn_now_ns() + KN_FPGA_PATIENCE_NS;
     take_copy(f);
     while (atomic_load(&f->speaker) == THREAD && atomic_load(&f->following) && !kn_fpga_empty(f) &&
            kn_now_ns() < until_ns)
@@ -267,8 +267,8 @@ static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *o
     const bool clock = deadline_ns != 0;
     kn_loss why;
     // Stop before the deadline, so that enough time is left for the rest of the tick.
-    const int64_t until_ns = clock ? deadline_ns - KN_FPGA_SPARE_NS : kn_now_ns() + PATIENCE_NS;
-    if (kn_offload_has(f)) return kn_offload_wait(f, until_ns, output);
+    const int64_t until_ns = clock ? deadline_ns - KN_FPGA_SPARE_NS : kn_now_ns() + KN_FPGA_PATIENCE_NS;
+    if (kn_offload_has(f)) return kn_offload_wait(f, clock, until_ns, output);
     kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
     // Let the circuit compute the queued ticks, the oldest first.
     while (atomic_load(&f->speaker) == SERVO && !kn_fpga_empty(f)) {
@@ -292,10 +292,13 @@ static void fpga_afterwards(void *self)
     if (++f->ticks < TELL_TICKS || atomic_load(&f->speaker) != SERVO) return;
     f->ticks = 0;
     tell_stats(f);
+    // an object that no tool has touched takes no ticks, and its card must not keep an operator from removing it
+    if (kn_device_gone(f->device)) kn_offload_lose(f, KN_LOSS_REMOVED);
 }
 
 static const kn_state *fpga_shape(void *self) { return ((fpga *)self)->twin.state(((fpga *)self)->twin.self); }
 static const kn_state *fpga_state(void *self) { return kn_offload_state(self); }
+static bool fpga_still(void *self) { return kn_offload_still(self); }
 static int fpga_back(void *self) { return atomic_load(&((fpga *)self)->off.back); }
 static const kn_scratch *fpga_scratch(void *self) { return ((fpga *)self)->twin.scratch(((fpga *)self)->twin.self); }
 
@@ -579,6 +582,7 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
                             .state = fpga_state,
                             .shape = fpga_shape,
                             .back = fpga_back,
+                            .still = fpga_still,
                             .scratch = fpga_scratch,
                             .reset = fpga_reset,
                             .restore = fpga_restore,
@@ -595,8 +599,8 @@ bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *ur
     snprintf(why, KN_LINK_WHY, "not enough memory for the object's %zu bytes",
              kn_state_size(model) + kn_scratch_size(model));
     if (!uri) return kn_backend_cpu(backend, model);
-    if (at_leisure && strstr(uri, "shadow=")) {
-        snprintf(why, KN_LINK_WHY, "%.100s: a replay compares every tick: expected no shadow=", uri);
+    if (at_leisure && strstr(uri, "shadow=") && !strstr(uri, "shadow=full")) {
+        snprintf(why, KN_LINK_WHY, "%.100s: a replay compares every tick: expected shadow=full or no shadow=", uri);
         return false;
     }
     if (at_leisure && !strstr(uri, "miss=") &&
@@ -663,7 +667,7 @@ bool kn_backend_fpga_agrees(kn_backend *backend, char why[KN_LINK_WHY], kn_devic
         return false;
     }
     kn_device_stats_of(f->device, stats);
-    if (kn_device_crc(f->device, kn_now_ns() + PATIENCE_NS, &circuit) != KN_LINK_OK) {
+    if (kn_device_crc(f->device, kn_now_ns() + KN_FPGA_PATIENCE_NS, &circuit) != KN_LINK_OK) {
         snprintf(why, KN_LINK_WHY, "no checksum of its state: %.300s", kn_device_why(f->device));
         return false;
     }

@@ -18,13 +18,13 @@
 //     prepare ------------> copy of the state --> load ------------> catch up ---> in step
 //     no tick is kept       the queue begins      it grows by 1 a ms  it shrinks
 //
-// With the option shadow=off or checked, the circuit computes alone while it is in step. The twin finds the contact, and
-// takes over the displacements that the circuit gives after each tick. A whole state, with the strains, is read every 50
-// ticks, and whenever `state` of the backend is called. `checked`: the twin computes the tick after that as well. A tick
-// that is late keeps its place: it is computed before the next one, so the object is the same to the bit. The third
-// late tick in a row loses the circuit, as does any other loss: the object goes back to its newest whole state (LOST),
-// and stands still (STILL) until the circuit is in step, or the twin goes on from there (lost=go-on). A flag of
-// saturation that a tick raises counts in that tick only, because the circuit keeps it.
+// With the option shadow=off or checked, the circuit computes alone while it is in step. The twin only finds the contact,
+// and takes over the displacements that the circuit gives after each tick. A whole state, which has the strains too, is
+// read every 50 ticks, and whenever `state` of the backend is called. With `checked`, the twin also computes the tick
+// that follows a whole state. The input of a late tick waits, and its tick is computed before the next one, so the object
+// is the same to the bit. The third late tick in a row loses the circuit, and so does any other loss. The object then
+// goes back to its newest whole state (LOST). It stands still (STILL) until the circuit is in step, or with lost=go-on
+// the twin computes it. The circuit does not clear its flags of saturation, so only the tick that raises a flag has it.
 //
 // The queue holds 1.5 times the ticks that pass while the state is loaded, and at least 1024 ticks. The loading time is
 // estimated from the bytes sent over the link so far. A longer queue is allocated when the link has become slower.
@@ -35,8 +35,8 @@
 
 typedef struct kn_fpga_counts {
     bool there; // true if a circuit is configured; otherwise all fields are 0
-    int64_t
-        on_circuit; // number of ticks whose result the circuit computed; equal to the twin's result, if it computed the tick
+    // Number of ticks whose result the circuit computed. If the twin computed the tick as well, the results are equal.
+    int64_t on_circuit;
     int64_t shadowed;  // number of ticks whose result came from the twin alone
     int64_t losses;    // number of times that the circuit was lost
     int64_t different; // number of times that the circuit's result differed from the twin's

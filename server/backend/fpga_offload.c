@@ -6,12 +6,13 @@
 #include <string.h>
 
 #define WHOLE_TICKS 50 // number of ticks between two whole states
-// Longest time for taking an answer that is there, ns. The link sleeps for longer between two looks.
+// An answer that is taken within this time was there at the first look, ns. The link waits longer for a second look.
 #define AT_ONCE_NS 20000
 // Longest time for a tick, and for reading a whole state after a tick, ns.
+#define TRIES_NS 500000000 // longest time of the trials at the start, ns
 #define MOST_NS (KN_PERIOD_NS - KN_FPGA_SPARE_NS)
 
-// Submit the tick to the circuit unless that is done, and compute it here as well if it is to be checked.
+// Submit the tick to the circuit, unless the circuit has it already. If the tick is to be checked, compute it here, too.
 static kn_link_status begin(fpga *f, const kn_fixed_bound *bound, int count)
 {
     offload *o = &f->off;
@@ -30,8 +31,8 @@ static kn_link_status begin(fpga *f, const kn_fixed_bound *bound, int count)
     return status;
 }
 
-// Wait for the circuit's result. Sleep first, so long that most results come soon afterwards: each result that is there
-// at once makes the sleep shorter, each other makes it longer by a quarter of that.
+// Wait for the circuit's result. Each look costs time of the processor, so sleep first, and look when the result is
+// about to come: if the result was there at the first look, sleep less in the next tick, else a little more.
 static kn_link_status await(fpga *f)
 {
     offload *o = &f->off;
@@ -90,7 +91,7 @@ kn_fixed_where kn_offload_tick(fpga *f, const kn_fixed_bound *bound, int count, 
     return KN_FIXED_THERE;
 }
 
-// The circuit no longer computes alone; the object's state is replaced afterwards.
+// End the circuit's work. The caller then replaces the state of the object.
 static void stop(fpga *f)
 {
     f->off.on = f->off.reading = f->off.checks = false;
@@ -99,7 +100,7 @@ static void stop(fpga *f)
     kn_fpga_watch(f); // drops a step that the circuit was late for
 }
 
-// The circuit is lost: go back to the newest whole state.
+// Lose the circuit, and let the object go back to its newest whole state.
 static void fall(fpga *f, kn_loss loss)
 {
     atomic_store(&f->off.back, f->off.age + f->off.waiting);
@@ -109,8 +110,8 @@ static void fall(fpga *f, kn_loss loss)
     kn_fpga_lose(f, loss);
 }
 
-// Read the whole state from the circuit, and continue in the next call if that is late. Displacements that differ from
-// those of the ticks lose the circuit.
+// Read the whole state from the circuit. If it does not come in time, the next call continues. Lose the circuit if its
+// displacements differ from the sums of those that it has given after each tick.
 static void make_whole(fpga *f, int64_t until_ns)
 {
     offload *o = &f->off;
@@ -144,9 +145,9 @@ static kn_backend_status drain(fpga *f, int64_t until_ns)
     o->until_ns = until_ns;
     o->wrong = KN_LOSS_COUNT;
     if (o->reading) make_whole(f, until_ns);
-    while (o->on && !o->reading && o->waiting > 0) {
-        // where ticks are always late, fpga_afterwards never finds the circuit idle
-        if (!f->flying && o->age >= 2 * WHOLE_TICKS) {
+    while (o->on && !o->reading && o->waiting > 0 && kn_now_ns() < until_ns) {
+        // if every tick is late, the circuit is never idle in kn_offload_afterwards
+        if (!f->flying && o->age > WHOLE_TICKS) {
             make_whole(f, until_ns);
             continue;
         }
@@ -161,7 +162,7 @@ static kn_backend_status drain(fpga *f, int64_t until_ns)
     return status;
 }
 
-// Return true if the circuit alone computes this tick. That begins when it is in step.
+// Return true if the circuit computes this tick alone. It begins to do so as soon as it is in step.
 static bool offloads(fpga *f)
 {
     offload *o = &f->off;
@@ -171,8 +172,7 @@ static bool offloads(fpga *f)
     return o->on;
 }
 
-// Return true if the object stands still because the circuit is not in step.
-static bool stands_still(const fpga *f)
+bool kn_offload_still(const fpga *f)
 {
     return f->shadow != KN_SHADOW_FULL && !f->goes_on &&
            (atomic_load(&f->speaker) != SERVO || !atomic_load(&f->following));
@@ -181,7 +181,7 @@ static bool stands_still(const fpga *f)
 bool kn_offload_submit(fpga *f, const kn_input *input)
 {
     offload *o = &f->off;
-    o->still = stands_still(f);
+    o->still = kn_offload_still(f);
     if (o->fell || o->still) return true;
     if (!offloads(f)) return false;
     o->input[o->waiting++] = *input;
@@ -190,18 +190,20 @@ bool kn_offload_submit(fpga *f, const kn_input *input)
 
 bool kn_offload_has(const fpga *f) { return f->off.on || f->off.fell || f->off.still; }
 
-kn_backend_status kn_offload_wait(fpga *f, int64_t until_ns, kn_output *output)
+kn_backend_status kn_offload_wait(fpga *f, bool clock, int64_t until_ns, kn_output *output)
 {
     offload *o = &f->off;
     if (o->still && !o->fell) {
         *output = (kn_output){0};
         return KN_BACKEND_STILL;
     }
+    o->clock = clock;
+    if (o->fell) atomic_fetch_add(&o->back, 1); // it was lost before this tick, whose input nobody has taken
     kn_backend_status status = o->fell ? KN_BACKEND_OK : drain(f, until_ns);
-    if (o->on && o->waiting == KN_FPGA_LATE_MOST) fall(f, KN_LOSS_TIMEOUT);
+    if (o->on && o->waiting == KN_FPGA_LATE_MOST) fall(f, KN_LOSS_LATE);
     *output = o->output;
     if (o->fell) status = KN_BACKEND_LOST;
-    else if (o->waiting > 0) status = KN_BACKEND_LATE;
+    else if (o->waiting > 0 && status == KN_BACKEND_OK) status = KN_BACKEND_LATE;
     o->fell = false;
     return status;
 }
@@ -216,18 +218,24 @@ void kn_offload_afterwards(fpga *f)
 const kn_state *kn_offload_state(fpga *f)
 {
     offload *o = &f->off;
-    const int64_t until_ns = kn_now_ns() + kn_device_link(f->device)->miss_ns;
+    const int64_t until_ns = kn_now_ns() + (o->clock ? 2 * KN_PERIOD_NS : KN_FPGA_PATIENCE_NS);
     if (o->on && o->waiting > 0) drain(f, until_ns);
     if (o->on && o->waiting == 0 && o->age > 0) make_whole(f, until_ns);
-    if (o->on && o->age > 0) fall(f, KN_LOSS_TIMEOUT);
+    if (o->on && o->age > 0) fall(f, KN_LOSS_LATE);
     return f->twin.state(f->twin.self);
+}
+
+void kn_offload_lose(fpga *f, kn_loss loss)
+{
+    if (f->off.on) fall(f, loss);
+    else kn_fpga_lose(f, loss);
 }
 
 void kn_offload_end(fpga *f)
 {
     if (f->off.on) stop(f);
     f->off.fell = false;
-    atomic_store(&f->off.back, 0);
+    atomic_store(&f->off.back, -1);
 }
 
 // --- opening ---------------------------------------------------------------------------------------------------------
@@ -235,6 +243,7 @@ void kn_offload_end(fpga *f)
 bool kn_offload_open(fpga *f)
 {
     offload *o = &f->off;
+    atomic_init(&o->back, -1);
     o->whole = kn_state_create(f->model);
     o->moves = calloc(3 * (size_t)f->model->node_count, sizeof *o->moves);
     o->expected.reaction = calloc((size_t)f->bounds, sizeof *o->expected.reaction);
@@ -248,13 +257,13 @@ void kn_offload_close(fpga *f)
     free(f->off.expected.reaction);
 }
 
-// Return the least time of a few ticks with nothing in contact, or, if `whole`, of a few readings of the state; -1: the
-// circuit failed.
+// Return the least time of some ticks with nothing in contact, or, if `whole`, of some readings of the state; -1: the
+// circuit failed. Other programs can only lengthen these times, so go on for TRIES_NS until one is short enough.
 static int64_t least_ns(fpga *f, bool whole)
 {
     int64_t least = INT64_MAX;
     kn_device_result result;
-    for (int i = 0; i < 20; i++) {
+    for (const int64_t end_ns = kn_now_ns() + TRIES_NS; least > MOST_NS && kn_now_ns() < end_ns;) {
         const int64_t from_ns = kn_now_ns(), until_ns = from_ns + KN_FPGA_ANSWER_NS;
         kn_link_status status = whole ? kn_device_read(f->device, &f->copy, until_ns) : KN_LINK_OK;
         if (!whole) status = kn_device_submit(f->device, NULL, 0);

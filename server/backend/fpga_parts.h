@@ -8,8 +8,9 @@
 
 // Time left before the deadline for the output stage, publishing and the rest of the tick, ns.
 #define KN_FPGA_SPARE_NS 400000
-#define KN_FPGA_ANSWER_NS 200000000 // longest time that waits for one answer outside of the servo, ns
-#define KN_FPGA_LATE_MOST 3         // ticks that may wait for a circuit that computes alone; the last one loses it
+#define KN_FPGA_ANSWER_NS 200000000     // longest time that the thread waits for one answer, ns
+#define KN_FPGA_PATIENCE_NS 10000000000 // longest time for one tick in a replay, which has no clock, ns
+#define KN_FPGA_LATE_MOST 3             // ticks that may wait for a circuit that computes alone; the last one loses it
 
 typedef struct slot { // one tick of the twin that the circuit still has to compute
     int count;
@@ -31,28 +32,27 @@ enum { SERVO, THREAD }; // thread that uses the device at present
 // State of the copy of the twin's state.
 enum { NOTHING, WANTED, TAKEN };
 
-// Without a full shadow, the circuit alone computes the ticks while it is in step. After each tick it gives the
-// displacements of the nodes, so that contact is found where the nodes are. The strains follow now and then, and
-// whenever somebody asks for the state.
+// A circuit that computes alone (fpga.h).
 typedef struct offload {
-    bool on;         // the circuit alone computes the ticks
+    bool on;         // the circuit computes alone now
     bool still;      // the object stands still in this tick, because the circuit is not in step
-    kn_state *whole; // newest state with the strains of its own tick
-    int age;         // number of ticks since `whole`
-    bool reading;    // a whole state is being read
+    kn_state *whole; // newest whole state
+    int age;         // number of ticks that the object has taken since `whole`
+    bool reading;    // the circuit is being asked for a whole state
     kn_input input[KN_FPGA_LATE_MOST];
-    int waiting;                          // number of `input` whose ticks have not been computed, the oldest first
+    int waiting; // number of entries of `input` whose ticks have not been computed, the oldest first
     int64_t until_ns, began_ns, sleep_ns; // `sleep_ns`: sleep from the submission of a tick until the first look
     kn_device_result result;
     bool answered; // `result` is that of the oldest waiting tick
     bool checks;   // the processor computes the next tick as well, from f->copy
     bool late;     // the circuit has not answered in the time of this tick
-    kn_loss wrong; // why the circuit is lost in the present tick; KN_LOSS_COUNT: it is not
-    bool fell;     // the circuit is lost, the object went back to `whole`, and no tick has told so yet
+    kn_loss wrong; // reason of a loss in the present tick; KN_LOSS_COUNT: none
+    bool clock;    // the latest caller of `wait` has a clock
+    bool fell;     // the object went back to `whole`, and `wait` has not yet returned LOST for it
     int32_t *moves;
     slot expected; // what the processor has computed for a checked tick
     kn_output output;
-    atomic_int back; // age of the object that was taken up after the last loss, ticks
+    atomic_int back; // number of ticks by which the object went back at the latest loss; -1: it was replaced since
 } offload;
 
 typedef struct fpga {
@@ -116,12 +116,15 @@ kn_link_status kn_offload_check(fpga *f, const char *uri, char why[KN_LINK_WHY])
 bool kn_offload_submit(fpga *f, const kn_input *input);
 // Return true if kn_offload_wait has the result of the tick, and not the twin.
 bool kn_offload_has(const fpga *f);
-kn_backend_status kn_offload_wait(fpga *f, int64_t until_ns, kn_output *output);
+// `clock`: the caller is a servo loop, which must not wait long for a state either.
+kn_backend_status kn_offload_wait(fpga *f, bool clock, int64_t until_ns, kn_output *output);
+bool kn_offload_still(const fpga *f); // return true if the object stands still because the circuit is not in step
 // Let the circuit compute the tick. Store the new positions and displacements in `engine`, as the circuit does.
 kn_fixed_where kn_offload_tick(fpga *f, const kn_fixed_bound *bound, int count, kn_fixed *engine,
                                int64_t (*reaction)[3], kn_fixed_result *result);
 void kn_offload_afterwards(fpga *f);
 const kn_state *kn_offload_state(fpga *f);
-void kn_offload_end(fpga *f); // the object is replaced
+void kn_offload_lose(fpga *f, kn_loss loss); // the circuit is lost between two ticks
+void kn_offload_end(fpga *f);                // the object is replaced
 
 #endif

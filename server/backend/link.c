@@ -5,8 +5,8 @@
 
 enum { BAUD = 3000000 };
 
-static const char expected[] = "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, each with "
-                               "?miss=MS, shadow=full|checked|off, lost=stop|go-on at will";
+static const char expected[] = "uart:/dev/NAME?baud=N, pty:/dev/pts/N, pcie:DDDD:BB:DD.F or shm:NAME, and at will, "
+                               "each once, ?miss=MS, shadow=full|checked|off, and with the latter two lost=stop|go-on";
 
 const char *kn_link_words(kn_link_status status)
 {
@@ -22,7 +22,7 @@ const char *kn_link_words(kn_link_status status)
 typedef struct options {
     int baud; // baud rate of the serial line; 0: not given in the URI
     double miss_ms;
-    int shadow, lost; // indices of their words
+    int shadow, lost; // indices of their words, -1: not given
 } options;
 
 static const char *const shadows[] = {"full", "checked", "off", NULL}, *const losts[] = {"stop", "go-on", NULL};
@@ -35,7 +35,7 @@ static bool choose(const char *word, const char *const words[], int *index)
     return false;
 }
 
-// Parse "KEY=VALUE&...", the text behind a '?'. Return false at an unknown key or a value out of range.
+// Parse "KEY=VALUE&...", the text behind a '?'. Return false at an unknown or repeated key or a value out of range.
 static bool parse_options(char *text, options *o)
 {
     for (char *next, *key = text; key && *key; key = next) {
@@ -43,12 +43,12 @@ static bool parse_options(char *text, options *o)
         char *value = strchr(key, '='), *end = NULL;
         if (!value) return false;
         *value++ = 0;
-        if (strcmp(key, "shadow") == 0 && choose(value, shadows, &o->shadow)) continue;
-        if (strcmp(key, "lost") == 0 && choose(value, losts, &o->lost)) continue;
+        if (strcmp(key, "shadow") == 0 && o->shadow < 0 && choose(value, shadows, &o->shadow)) continue;
+        if (strcmp(key, "lost") == 0 && o->lost < 0 && choose(value, losts, &o->lost)) continue;
         double number = strtod(value, &end);
         if (end == value || *end) return false;
-        if (strcmp(key, "baud") == 0 && number >= 1 && number <= 1e8) o->baud = (int)number;
-        else if (strcmp(key, "miss") == 0 && number >= 0.1 && number <= 60000) o->miss_ms = number;
+        if (strcmp(key, "baud") == 0 && !o->baud && number >= 1 && number <= 1e8) o->baud = (int)number;
+        else if (strcmp(key, "miss") == 0 && !o->miss_ms && number >= 0.1 && number <= 60000) o->miss_ms = number;
         else return false;
     }
     return true;
@@ -90,14 +90,14 @@ static bool good(const char *scheme, const char *where, const options *o)
 static const char *parse(const char *uri, char text[KN_LINK_URI], options *o, char why[KN_LINK_WHY])
 {
     // A URI that is too long becomes empty, and is then refused as it has no scheme.
-    *o = (options){.miss_ms = 1.6};
+    *o = (options){.shadow = -1, .lost = -1};
     size_t length = strlen(uri);
     memset(text, 0, KN_LINK_URI);
     memcpy(text, uri, length < KN_LINK_URI ? length : 0);
     char *where = strchr(text, ':'), *query = strchr(text, '?');
     if (where) *where++ = 0;
     if (query) *query++ = 0;
-    if (where && parse_options(query, o) && good(text, where, o) && (o->shadow || !o->lost))
+    if (where && parse_options(query, o) && good(text, where, o) && (o->shadow > 0 || o->lost < 0))
         return o->baud == 0 || kn_link_is_baud(o->baud, why) ? where : NULL;
     snprintf(why, KN_LINK_WHY, "%.100s: expected %s", uri, expected);
     return NULL;
@@ -116,8 +116,8 @@ bool kn_link_open(kn_link *link, const char *uri, const char *sysfs, char why[KN
     options o;
     const char *where = parse(uri, text, &o, why);
     if (!where || !open_parsed(link, text, where, &o, sysfs, why)) return false;
-    link->miss_ns = (int64_t)(1e6 * o.miss_ms);
-    link->shadow = (kn_shadow)o.shadow;
-    link->goes_on = o.lost;
+    link->miss_ns = (int64_t)(1e6 * (o.miss_ms > 0 ? o.miss_ms : 1.6));
+    link->shadow = o.shadow > 0 ? (kn_shadow)o.shadow : KN_SHADOW_FULL;
+    link->goes_on = o.lost > 0;
     return true;
 }

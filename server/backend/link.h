@@ -11,9 +11,9 @@
 //
 // Options follow a '?', separated by '&':
 //     miss=MS                     time until an unanswered request is sent again, ms (default 1.6, range 0.1 .. 60000)
-//     shadow=full|checked|off     whether this processor computes every tick, each 50th, or none of those that the
-//                                 circuit computes (default full)
-//     lost=stop|go-on             with checked or off: whether the object stands still while the circuit is lost, or
+//     shadow=full|checked|off     of the ticks that the circuit computes, this processor computes all as well, one in
+//                                 50, or none (default full)
+//     lost=stop|go-on             with checked or off, while the circuit is lost: stop, the object stands still; go-on,
 //                                 this processor computes it (default stop)
 //
 // One request is under way at a time. A new request replaces it, and the reply to the old request is dropped when it
@@ -34,8 +34,8 @@ typedef enum kn_link_status {
     KN_LINK_CRC,      // an answer arrived damaged; the request may be sent again at once
     KN_LINK_PROTOCOL, // an answer arrived that a correct circuit never gives
     KN_LINK_IO,       // the kernel reported an error, or there was no answer at all
-    // the line hung up, the ID register reads as all ones, or the card is to be removed, which waits until the link is
-    // closed: the link must be opened again
+    // The line hung up, the ID register reads as all ones, or an operator removes the card. The link must be closed, for
+    // which the kernel waits before it removes the card, and opened again.
     KN_LINK_GONE
 } kn_link_status;
 
@@ -63,6 +63,7 @@ typedef struct kn_link {
     // Wait for the reply until deadline_ns of CLOCK_MONOTONIC; if the deadline has passed, check once. Return LATE as
     // well if no request is under way.
     kn_link_status (*wait)(void *self, int64_t deadline_ns, kn_reply *reply);
+    bool (*gone)(void *self);   // return true if the device is being removed; NULL: only a request shows that
     void (*forget)(void *self); // drop the request under way and all input received so far
     void (*count)(const void *self, kn_link_counts *counts);
     void (*close)(void *self);

@@ -209,12 +209,19 @@ static kn_link_status advance(bar *b)
 // A word of all ones was read, and the ID register reads as all ones as well, so the card is gone.
 static bool gone(bar *b) { return b->ones && b->word[KN_REG_ID] == UINT32_MAX; }
 
+// Return true if the kernel has asked for the card, or has removed it.
+static bool removed(void *self)
+{
+    bar *b = self;
+    uint64_t times; // number of times that the kernel has asked
+    const ssize_t told = b->fd[REMOVAL] >= 0 ? read(b->fd[REMOVAL], &times, sizeof times) : 0;
+    return told > 0 || (told < 0 && errno == ENODEV);
+}
+
 static kn_link_status submit(void *self, const kn_request *request)
 {
     bar *b = self;
-    uint64_t times; // number of times that the kernel has asked for the card
-    const ssize_t told = b->fd[REMOVAL] >= 0 ? read(b->fd[REMOVAL], &times, sizeof times) : 0;
-    if (told > 0 || (told < 0 && errno == ENODEV)) return KN_LINK_GONE;
+    if (removed(b)) return KN_LINK_GONE;
     b->request = *request;
     b->reply = (kn_reply){.tag = (uint16_t)number(request->bytes, 2)};
     b->asked = true;
@@ -280,6 +287,7 @@ static bar *create(kn_link *link, const char *name, char why[KN_LINK_WHY])
                       .self = b,
                       .submit = submit,
                       .wait = wait_reply,
+                      .gone = removed,
                       .forget = forget,
                       .count = count,
                       .close = close_bar};
@@ -406,6 +414,7 @@ bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char w
     // The mapping of a card that was removed stays, and another card may get its addresses. From then on a read at the
     // end of the file fails with ENODEV.
     b->fd[REMOVAL] = dup(b->fd[DEVICE]);
-    lseek(b->fd[REMOVAL], 0, SEEK_END);
-    return true;
+    if (b->fd[REMOVAL] >= 0 && lseek(b->fd[REMOVAL], 0, SEEK_END) >= 0) return true;
+    snprintf(why, KN_LINK_WHY, "%.300s: %s", path, strerror(errno));
+    return finish(b, false);
 }

@@ -18,7 +18,8 @@
     LOSS(TWIN, twin, "its results differ from its twin's")                                                             \
     LOSS(SATURATED, saturated, "other numbers saturated than in its twin")                                             \
     LOSS(BEHIND, behind, "the circuit fell behind by more ticks than the queue holds")                                 \
-    LOSS(BOUNDS, bounds, "more nodes under tools than the circuit takes")
+    LOSS(BOUNDS, bounds, "more nodes under tools than the circuit takes")                                              \
+    LOSS(LATE, late, "the circuit, which computes alone, gave no results in three ticks in a row, or no state")
 
 typedef enum kn_loss {
 #define KN_LOSS_NAME(name, word, what) KN_LOSS_##name,

@@ -46,6 +46,15 @@ say "doctor: $(head -1 doctor)"
 eval "$(sed -n 's/.*\(echo [0-9a-f ]* | \)sudo \(tee [^;]*\);.*/\1\2/p' doctor)" # as its fix says
 say "driver: $(readlink $card/driver), /dev/vfio: $(ls /dev/vfio | tr '\n' ' ')"
 served vfio
+# An object under gravity that nobody touches takes no ticks. Its card can be removed all the same.
+kneadd /scene.yaml --set 'gravity=1 m/s^2' --backend "pcie:$bdf" --control control >log 2>err & server=$!
+await grep -qs serving log
+await in_step
+timeout 5 sh -c "echo 1 >$card/remove"
+say "untouched: removed: $(ls -d $card 2>&1)"
+kill $server
+wait $server
+echo 1 >/sys/bus/pci/rescan
 echo 1234 4b4e >/sys/bus/pci/drivers/vfio-pci/remove_id
 echo $bdf >/sys/bus/pci/drivers/vfio-pci/unbind
 echo 1 >$card/enable

@@ -10,15 +10,21 @@ in_step() { ctl --json status | grep -q '"state": *"in_step"'; }
 
 for lost in stop go-on; do
     board --bar "$name"
-    start_kneadd dough-small.yaml --backend "shm:$name?shadow=off&lost=$lost&miss=20" --control control
+    # an object under gravity begins settled and takes no ticks until a tool touches it
+    start_kneadd dough-small.yaml --set 'gravity=1 m/s^2' --backend "shm:$name?shadow=off&lost=$lost&miss=20" --control control
     check "the circuit is in step before the press" await in_step
     $ahead knead probe --path poke --quiet --record calm.lcmlog
-    grep -q 'circuit lost' kneadd.err ||
+    if grep -q 'circuit lost' kneadd.err; then
+        echo "skipped: the machine stood still, and the circuit was lost in the poke: no log to verify"
+    else
         check "$lost: the processor replays a poke into the circuit's object, to the bit" verifies calm.lcmlog
+    fi
     $ahead knead probe --path press --quiet --record press.lcmlog & hand=$!
     pressing
+    before=$(grep -c 'circuit lost' kneadd.err)
     kill_board
-    check "$lost: kneadd tells the loss and the object's age" await grep -q "the object is that of [0-9]* ms before" kneadd.err
+    tells() { [ "$(grep -c 'went back by [0-9]* ms' kneadd.err)" -gt "$before" ]; }
+    check "$lost: kneadd tells the loss and the object's age" await tells
     grep 'circuit lost' kneadd.err
     pause 0.3
     board --bar "$name"
@@ -28,6 +34,10 @@ for lost in stop go-on; do
     logcheck press.lcmlog >log.txt
     check "$lost: the force of $(number held_n log.txt) N is zero $(number gone log.txt) ticks later" \
         holds "$(number back log.txt) >= 1 && $(number held_n log.txt) > 0.3 && $(number gone log.txt) <= 20"
+    ctl reset >/dev/null
+    check "$lost: after a reset the circuit is in step again" await in_step
+    knead probe --path poke >poke.txt 2>&1
+    check "$lost: a poke into the new object has a force: $(grep peak poke.txt)" grep -qE 'peak +[1-9]' poke.txt
     kill -INT $server
     check "$lost: kneadd stopped" wait $server
     grep 'on the circuit' kneadd.err

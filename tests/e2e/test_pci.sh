@@ -56,6 +56,7 @@ for engine in ${KN_ENGINES:-golden rtl}; do
         check "$engine, $way: the kernel removes the card while kneadd has it open" said "$way: removed: ls: .*No such file"
         check "$engine, $way: kneadd ends" said "$way: exit 0"
     done
+    check "$engine: the kernel removes the card of an object that takes no ticks" said 'untouched: removed: ls: .*No such file'
     check "$engine: a kernel under lockdown refuses sysfs, and the reason says so" said 'locked: exit 3: .*/resource0: this kernel is locked down'
     check "$engine: the guest reaches its end, and the kernel tells no fault" \
         bash -c "grep -q '^guest: end' guest.log && ! grep -E 'BUG|Oops|DMAR: .*fault|stall|blocked until' guest.log"

@@ -417,11 +417,12 @@ TEST("a lost circuit that computed alone holds the force for two ticks and puts 
         CHECK(kn_state_hash(o.model, o.backend.state(o.backend.self)) == whole);
         press(&o, 0.003);
         const bool still = kn_state_hash(o.model, o.backend.state(o.backend.self)) == whole;
-        CHECK(still == (i == 0));
+        CHECK(still == (i == 0) && o.backend.still(o.backend.self) == still);
+        const int64_t before = o.backend.state(o.backend.self)->tick;
         o.board = kn_board_start(card);
         strcat(o.board.uri, how[i]);
         CHECK(until_in_step(&o) >= 0);
-        CHECK(o.backend.state(o.backend.self)->tick > 0);
+        CHECK(o.backend.state(o.backend.self)->tick > before && !o.backend.still(o.backend.self));
     }
 }
 

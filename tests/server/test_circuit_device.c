@@ -227,7 +227,9 @@ TEST("an invalid URI is refused in one line that says what was expected")
         "|uart|uart:|uart:ttyUSB0|uart:/dev/ttyUSB0?baud=|uart:/dev/ttyUSB0?baud|uart:/dev/ttyUSB0?baud=3000001|uart:/"
         "dev/ttyUSB0?baud=4097|"
         "uart:/dev/ttyUSB0?speed=9600|uart:/dev/ttyUSB0?baud=9600x|pty:/dev/pts/1?baud=9600|pty:/dev/pts/1?miss=0|"
-        "pcie:01:00.0|pcie:0000:01:00.0/../x|pcie:0000:01:00.g|shm:|shm:../etc/passwd|shm:a/b|shm:.|usb:1|golden:";
+        "pcie:01:00.0|pcie:0000:01:00.0/../"
+        "x|pcie:0000:01:00.g|shm:|shm:x?shadow=on|shm:x?lost=go-on|shm:x?shadow=full&lost=stop|shm:x?shadow=off&shadow="
+        "off|shm:../etc/passwd|shm:a/b|shm:.|usb:1|golden:";
     static const char *const absent[][2] = {{"shm:knead-test-none", "No such file"},
                                             {"pty:/dev/null", "expected a serial line"},
                                             {"pty:/dev/pts/none", "No such file"}};

@@ -521,6 +521,38 @@ TEST("when the physics diverges, every probe latches, only finite forces go out,
     CHECK(r->out.force[0].fault == KN_FAULT_NONE && r->servo.safety[0].attached);
 }
 
+// A backend that is late on demand: it computes the tick, and gives the output of an earlier one.
+static int late;
+static kn_backend_status late_wait(void *self, int64_t deadline_ns, kn_output *output)
+{
+    static kn_output old;
+    kn_backend_status status = real_backend.wait(self, deadline_ns, output);
+    if (late-- > 0) *output = old, status = KN_BACKEND_LATE;
+    old = *output;
+    return status;
+}
+
+TEST("the force of a late backend is held, and the change of several ticks that follows is no impulse")
+{
+    OWN(rig) *r = rig_make(NULL);
+    real_backend = r->backend;
+    r->backend.wait = late_wait;
+    press(r, 0.002);
+    kn_safety *s = &r->servo.safety[0];
+    double before = given(r);
+    move(r, 0, -0.01);
+    s->guard.most_n_per_ms = 1.1 * fabs(given(r) - before); // a change of three ms would be a fault
+    before = given(r);
+    for (late = 2; late > 0;) {
+        move(r, 0, -0.01);
+        CHECK(flag(r, 0, KNEAD_CONTACT_FORCE_T_FLAG_HELD) && given(r) == before);
+    }
+    move(r, 0, -0.01);
+    CHECK(!flag(r, 0, KNEAD_CONTACT_FORCE_T_FLAG_HELD) && fabs(given(r) - before) > 2 * s->guard.most_n_per_ms);
+    move(r, 0, -0.01);
+    CHECK(s->attached && r->out.force[0].fault == KN_FAULT_NONE && s->guards == 0 && r->servo.late == 2);
+}
+
 TEST("a checkpoint comes every 1000 ticks, and when cycles are missed that no force record reports")
 {
     OWN(rig) *r = rig_make(NULL);
