@@ -268,7 +268,7 @@ static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *o
     kn_loss why;
     // Stop before the deadline, so that enough time is left for the rest of the tick.
     const int64_t until_ns = clock ? deadline_ns - KN_FPGA_SPARE_NS : kn_now_ns() + KN_FPGA_PATIENCE_NS;
-    if (kn_offload_has(f)) return kn_offload_wait(f, clock, until_ns, output);
+    if (kn_offload_has(f)) return kn_offload_wait(f, clock, clock ? until_ns + KN_FPGA_SPARE_NS / 2 : until_ns, output);
     kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
     // Let the circuit compute the queued ticks, the oldest first.
     while (atomic_load(&f->speaker) == SERVO && !kn_fpga_empty(f)) {

@@ -6,8 +6,6 @@
 #include <string.h>
 
 #define WHOLE_TICKS 50 // number of ticks between two whole states
-// An answer that is taken within this time was there at the first look, ns. The link waits longer for a second look.
-#define AT_ONCE_NS 20000
 // Longest time for a tick, and for reading a whole state after a tick, ns.
 #define TRIES_NS 500000000 // longest time of the trials at the start, ns
 #define MOST_NS (KN_PERIOD_NS - KN_FPGA_SPARE_NS)
@@ -31,8 +29,8 @@ static kn_link_status begin(fpga *f, const kn_fixed_bound *bound, int count)
     return status;
 }
 
-// Wait for the circuit's result. Each look costs time of the processor, so sleep first, and look when the result is
-// about to come: if the result was there at the first look, sleep less in the next tick, else a little more.
+// Wait for the circuit's result. Each sleep between two looks costs time of the processor, so sleep once until the
+// result is there in most ticks. If it was, sleep a little less in the next tick, otherwise more.
 static kn_link_status await(fpga *f)
 {
     offload *o = &f->off;
@@ -40,11 +38,14 @@ static kn_link_status await(fpga *f)
     // no longer than a tick may take, and shorter when the tick began late
     if (o->sleep_ns > MOST_NS || o->began_ns + o->sleep_ns >= o->until_ns) o->sleep_ns /= 2;
     kn_clock_sleep(o->began_ns + o->sleep_ns);
-    const int64_t woke_ns = kn_now_ns();
-    const kn_link_status status = kn_device_wait(f->device, o->until_ns, &o->result);
+    kn_link_status status = kn_device_wait(f->device, 0, &o->result);
+    if (status == KN_LINK_LATE) {
+        o->sleep_ns += 1000 + o->sleep_ns / 64;
+        status = kn_device_wait(f->device, o->until_ns, &o->result);
+    } else {
+        o->sleep_ns -= o->sleep_ns / 256;
+    }
     o->answered = status == KN_LINK_OK;
-    if (o->answered && kn_now_ns() - woke_ns < AT_ONCE_NS) o->sleep_ns -= o->sleep_ns / 16;
-    else o->sleep_ns += 1000 + o->sleep_ns / 64;
     return status;
 }
 

@@ -229,6 +229,7 @@ static kn_link_status submit(void *self, const kn_request *request)
     b->at = 2;
     b->done = 0;
     b->counts.sent++;
+    advance(b); // so that the circuit begins at once, and works while the caller does other things
     return KN_LINK_OK;
 }
 

@@ -4,8 +4,8 @@
 //     peak_n F steepest_n F last_n F stopping N                                    of the forces given to the hand
 //     resets N as_new N faded_n F again_n F        as_new: whose state hash is that of KNEAD_SCENE's untouched object
 //     stepped N commanded N lowest_gain F reduced N mistaken N       points of quality taken over budget, or commanded
-//     back N held_n F gone N      of the losses of a circuit that computed alone: their number, the last new force before
-//                                 the last of them, and the ticks from that force to the first force of 0
+//     back N held_n F gone N      of the losses of a circuit that computed alone: their number; of the last one that
+//                                 took a force: the last new force, and the ticks from it to the first force of 0
 //     received N accepted N rejected N kernel_drops N ticks N missed N hist N      of the last status
 //     healths N paired N ever_errors BITS                 paired: under a status' utime; of all current_errors
 //     lost N late N duplicate N reordered N in_a_row N generation N saves N slews N silences N estops N   of the last
@@ -111,7 +111,9 @@ static void take_event(const lcm_eventlog_event_t *e)
         return;
     }
     events++;
-    if (m.kind == KNEAD_EVENT_T_KIND_RESTORE && m.arg[0] < 0) back++, back_tick = m.tick, held_n = new_n;
+    const bool lost = m.kind == KNEAD_EVENT_T_KIND_RESTORE && m.arg[0] < 0;
+    back += lost;
+    if (lost && last_n > 0) back_tick = m.tick, held_n = new_n;
     if (m.kind == KNEAD_EVENT_T_KIND_QUALITY) {
         bool told = m.arg[2] != 0, other = m.arg[0] != m.arg[1];
         commanded += told;
