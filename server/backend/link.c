@@ -48,7 +48,7 @@ static bool parse_options(char *text, options *o)
         double number = strtod(value, &end);
         if (end == value || *end) return false;
         if (strcmp(key, "baud") == 0 && !o->baud && number >= 1 && number <= 1e8) o->baud = (int)number;
-        else if (strcmp(key, "miss") == 0 && !o->miss_ms && number >= 0.1 && number <= 60000) o->miss_ms = number;
+        else if (strcmp(key, "miss") == 0 && o->miss_ms == 0 && number >= 0.1 && number <= 60000) o->miss_ms = number;
         else return false;
     }
     return true;
