@@ -6,7 +6,7 @@
 #define BAUD 500000L // exact at 16 MHz; 1 kHz of 20-byte frames takes 40 % of the line in each direction
 
 // The magnetic sensor (KMA210) gives a ramp from 5 to 95 % of its supply for each half turn of the motor's shaft. The
-// converter has 1024 counts for the supply. Below 4 % and above 96 % the sensor or its wire is broken.
+// converter has 1024 counts for the supply. Below 2.5 % and above 97.5 % the sensor or its wire is taken for broken.
 #define SENSOR_LEAST 51
 #define SENSOR_COUNTS 921
 #define SENSOR_FAULT 25 // counts from either end
