@@ -24,33 +24,32 @@ static void help(void)
          "       knead-simdev --pci [OPTION]... QEMU ARGUMENT...\n\n"
          "Simulate a circuit that steps a lattice: serve its registers behind a serial line, in shared memory, or as a\n"
          "PCI card of a virtual machine.\n"
-         "Print the URI by which a host reaches the circuit (--pci prints none), run until SIGTERM or SIGINT, then print the\n"
-         "counters.\n\n"
+         "Print the address that kneadd --backend takes, such as shm:NAME (--pci prints none), run until SIGTERM or SIGINT,\n"
+         "then print the counters.\n\n"
          "  --uart            send frames over a pseudo-terminal\n"
          "  --baud N          limit the line to N bits per second, ten per byte (--uart; default: no limit)\n"
          "  --link PATH       symbolic link to the terminal; PATH stays the same after an unplug or a restart\n"
          "  --bar NAME        act as the memory of a PCI card, in /dev/shm/NAME\n"
-         "  --pci             run the command QEMU ARGUMENT..., and be its -device x-pci-proxy-dev,fd=3: a PCI card\n"
-         "                    1234:4b4e with the registers in BAR 0. End when QEMU ends\n"
+         "  --pci             run the command QEMU ARGUMENT... and act as its PCI card 1234:4b4e, until QEMU ends. The\n"
+         "                    arguments must have the card and shared memory: -device x-pci-proxy-dev,fd=3 -m 1G\n"
+         "                    -object memory-backend-memfd,id=ram,size=1G -machine q35,memory-backend=ram\n"
          "  --engine NAME     golden or rtl (default: golden)\n"
-         "                    golden computes the lattice in integers, in real time.\n"
-         "                    rtl is the circuit of hdl/rtl, simulated by Verilator, with its own link for --uart.\n"
-         "                    It is slower than real time, so the host needs URI?miss=1000.\n"
-         "                    It exists only if the program was built with Verilator\n"
+         "                    golden: a C model of the circuit, in real time.\n"
+         "                    rtl: the Verilog of hdl/rtl itself, simulated by Verilator, if the program was built with\n"
+         "                    it. It is slower than real time, so kneadd needs for example shm:NAME?miss=1000\n"
          "  --caps N,E,B      log2 of the largest number of nodes, edges and nodes under tools.\n"
          "                    golden: 0..16,0..20,1..10 (default: 12,16,10); rtl: always 10,14,10\n"
          "  --seed N          seed of the random numbers (default: 1)\n"
          "  --fault NAME[=RATE],...\n"
-         "                    inject faults at random into this share of the requests (default: 0.01; not --pci):");
+         "                    inject faults at random into the share RATE of the requests (not with --pci; RATE: 0.01\n"
+         "                    if it is not given). Without --fault there are none:");
 #define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
     printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
     KN_LINK_FAULTS(KN_LINK_FAULT_HELP)
 #undef KN_LINK_FAULT_HELP
     puts("\nExamples:\n"
          "    knead-simdev --uart --link board\n"
-         "    knead-simdev --bar knead-card --fault delay=0.001,hang --seed 2\n"
-         "    knead-simdev --pci qemu-system-x86_64 -device x-pci-proxy-dev,fd=3 -m 1G disk.img \\\n"
-         "        -object memory-backend-memfd,id=ram,size=1G -machine q35,memory-backend=ram\n\n"
+         "    knead-simdev --bar knead-card --fault delay=0.001,hang --seed 2\n\n"
          "Exit codes: 0 stopped, 2 bad input, 3 no pseudo-terminal, no memory, NAME is in use, or QEMU failed.");
 }
 // clang-format on

@@ -57,7 +57,7 @@ C
 cat >CMakeLists.txt <<'CMAKE'
 cmake_minimum_required(VERSION 3.25)
 project(stranger C)
-find_package(knead 0.9 REQUIRED)
+find_package(knead 0.10 REQUIRED)
 add_executable(shared scene.c)
 target_link_libraries(shared PRIVATE knead::knead-scene)
 add_executable(static scene.c)
