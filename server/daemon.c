@@ -85,7 +85,9 @@ static void on_readable(struct ev_loop *ev, ev_io *w, int events)
     server *d = w->data;
     take_datagrams(d, d->budget);
     d->budget -= d->batch.count;
-    if (d->budget <= 0) ev_io_stop(ev, w); // pause reading until the next tick
+    if (d->budget > 0) return;
+    ev_io_stop(ev, w); // pause reading until the next tick
+    atomic_store_explicit(&d->loop.paused, true, memory_order_relaxed);
 }
 
 // Publish KNEAD_STATUS and KNEAD_HEALTH.
@@ -98,8 +100,8 @@ static void tell_status(server *d)
     kn_publisher_health(&d->exchange.publisher, &health.more);
 }
 
-// Called after each tick of the servo. Publish the tick's records, and allow datagrams to be read again. Publish the
-// status at once if the mode has changed. End the main loop after the last tick.
+// Called when the servo has ticked (notify in loop.h). Publish the records, and allow datagrams to be read again.
+// Publish the status at once if the mode has changed. End the main loop after the last tick.
 static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)events;
@@ -108,6 +110,7 @@ static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
     atomic_store(&d->operator.told, d->exchange.told);
     d->budget = DATAGRAMS_PER_TICK;
     if (!ev_is_active(&d->readable)) ev_io_start(ev, &d->readable);
+    atomic_store_explicit(&d->loop.paused, false, memory_order_relaxed);
     if (atomic_load_explicit(&d->loop.account.mode, memory_order_relaxed) != d->mode_told) tell_status(d);
     if (done) ev_break(ev, EVBREAK_ALL);
 }

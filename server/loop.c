@@ -150,6 +150,14 @@ static void adapt_deadline(kn_loop *loop, int64_t units)
     }
 }
 
+// Return whether the main thread must be woken for this tick: for a force, for an event, or to read datagrams again.
+static bool waited_for(const kn_loop *loop, const kn_tick_out *out)
+{
+    bool live = false;
+    for (int p = 0; p < out->probes; p++) live |= out->force[p].live;
+    return live || out->event_count > 0 || atomic_load_explicit(&loop->paused, memory_order_relaxed);
+}
+
 // The forces are ready. Complete the record of the tick, queue it and wake the main thread.
 static void publish(kn_loop *loop, turn *t)
 {
@@ -168,6 +176,9 @@ static void publish(kn_loop *loop, turn *t)
     t->published = kn_ring_push_start(&loop->records, record, bytes);
     kn_orders_done(&loop->orders, t->orders, &t->in, &record->out);
     if (t->last) atomic_store_explicit(&loop->done, true, memory_order_release);
+    // Each wake-up costs processor time. While no hand is there, let the records wait.
+    if (!t->last && !waited_for(loop, &record->out) && ++loop->untold < KN_LOOP_UNTOLD_TICKS) return;
+    loop->untold = 0;
     if (loop->notify) loop->notify(loop->notify_arg);
 }
 

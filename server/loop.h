@@ -36,7 +36,8 @@ typedef struct kn_tick_record { // result and times of one tick, for the publish
     kn_tick_out out;
 } kn_tick_record;
 
-#define KN_LOOP_TOUCH_TICKS 4 // number of ticks from one touch patch to the next: 250 Hz
+#define KN_LOOP_UNTOLD_TICKS 16 // most ticks whose records, without a force or an event, wait for the main thread
+#define KN_LOOP_TOUCH_TICKS 4   // number of ticks from one touch patch to the next: 250 Hz
 
 typedef struct kn_touch_patch { // touch patch of one probe with a session
     int64_t utime, session, pose_seq;
@@ -65,8 +66,12 @@ typedef struct kn_loop {
     kn_mailbox pose[KN_PROBES_MAX];
     kn_posted_pose pose_slots[KN_PROBES_MAX][3];
     int64_t posted_ns[KN_PROBES_MAX]; // arrival time of the latest pose of each probe; used by the main thread only
-    void (*notify)(void *arg);        // called after each tick to wake the main thread; must be real-time safe
+    // Called after a tick to wake the main thread; must be real-time safe. Called after every tick that has a force or
+    // an event, and otherwise every KN_LOOP_UNTOLD_TICKS ticks.
+    void (*notify)(void *arg);
     void *notify_arg;
+    int untold;                         // number of ticks since the main thread was woken
+    atomic_bool paused;                 // true: the main thread reads no datagrams until it is woken
     atomic_bool stop;                   // true: forces ramp to zero, then the thread ends; set by any thread
     kn_orders orders;                   // an operator's orders for the next tick
     _Atomic(kn_scene_change *) changed; // latest change of the scene that a tick has applied; NULL: none

@@ -284,6 +284,29 @@ TEST("the contact patch of a tool is published every 4 ms on request and changes
     CHECK(count == 10 && plain->f.loop.touches.capacity == 0);
 }
 
+static void count_wake(void *arg) { ++*(int *)arg; }
+
+TEST("the main thread is woken for every force and every event at once, and otherwise in every 16th tick")
+{
+    OWN(rig) *r = rig_open(NULL);
+    int woken = 0;
+    r->f.loop.notify = count_wake;
+    r->f.loop.notify_arg = &woken;
+    hover(r, 40);
+    CHECK(woken == 40);
+    r->pose.session = 0;
+    hover(r, 1); // the session ends with an event
+    const int left = woken;
+    hover(r, 160);
+    CHECK(left == 41 && woken == left + 10);
+    order(r, KN_ORDER_ESTOP);
+    hover(r, 1);
+    CHECK(woken == left + 11);
+    atomic_store(&r->f.loop.paused, true);
+    hover(r, 2);
+    CHECK(woken == left + 13);
+}
+
 TEST("checkpoints report stored energy, work and dissipation, and created energy is counted and reported")
 {
     OWN(rig) *r = rig_open("material=jelly");
