@@ -28,7 +28,7 @@ static void measure(int per_cm, const throughput_options *o)
 {
     const double board_mhz = 45; // board_mhz of hdl/boards/run
     const kn_model_def def[] = {press_def(per_cm), integers(per_cm)};
-    const int ticks = o->quick ? 200 : 600;
+    const int ticks = o->quick ? 200 : PRESS_TICKS;
     runner r[] = {turns_knead(&def[0], press_hand, NULL, 0), turns_knead(&def[1], press_hand, NULL, 0)};
     turns_run(r, 2, ticks, 2);
     summary real = turns_summary(&r[0], ticks), whole = turns_summary(&r[1], ticks);
@@ -45,7 +45,8 @@ void table_integers(const throughput_options *o)
     puts(
         "\nIntegers: a step of core/fixed.h on one core, with two passes of eight iterations, and the default step in\n"
         "f32. Clock cycles of a tick of the circuit with 16 nodes under a plate, and its time on an LFE5U-85F at\n"
-        "45 MHz (hdl/README.md). The circuit there holds 1024 nodes; a row with more nodes assumes larger memories.\n");
+        "45 MHz (hdl/README.md). The circuit there holds 1024 nodes and 8192 edges; a row with more assumes larger "
+        "memories.\n");
     puts("| nodes | edges | f32 us   | fixed us | clocks   | board us |");
     puts("|------:|------:|---------:|---------:|---------:|---------:|");
     for (int per_cm = 1; per_cm <= 3; per_cm++)
