@@ -12,10 +12,8 @@ module accumulator (
     knead_accumulator #(.WIDTH(6), .VALUE(3), .LOG_DEPTH(2)) dut (
         .clk(clk), .i_add(add), .i_take(take), .i_address(address), .i_value(value), .o_sum(sum));
 
-    wire [ 1:0] watched;
-    wire [17:0] held;
-    // peek: watched = dut.ram.watched
-    // peek: held = dut.ram.held
+    wire [ 1:0] watched; // peek: dut.ram.watched
+    wire [17:0] held; // peek: dut.ram.held
 
     reg  [17:0] plain; // the watched sum, after all additions that have left the pipe
     reg  [ 1:0] address_r;

@@ -20,16 +20,10 @@ module axi (
         .s_axi_arvalid(arvalid), .s_axi_arready(arready), .s_axi_rdata(rdata), .s_axi_rresp(rresp),
         .s_axi_rvalid(rvalid), .s_axi_rready(rready));
 
-    wire        valid, write, ready, refused;
-    wire [23:0] addr;
-    wire [31:0] wdata, word;
-    // peek: valid = dut.engine.bus_valid
-    // peek: write = dut.engine.bus_write
-    // peek: addr = dut.engine.bus_addr
-    // peek: wdata = dut.engine.bus_wdata
-    // peek: ready = dut.engine.bus_ready
-    // peek: refused = dut.engine.bus_error
-    // peek: word = dut.engine.bus_rdata
+    wire        valid, write; // peek: dut.engine.bus_valid dut.engine.bus_write
+    wire        ready, refused; // peek: dut.engine.bus_ready dut.engine.bus_error
+    wire [23:0] addr; // peek: dut.engine.bus_addr
+    wire [31:0] wdata, word; // peek: dut.engine.bus_wdata dut.engine.bus_rdata
 
     reg         begun, writing, reading, part, asked; // asked: the engine's bus has not answered yet
     reg  [23:0] address;

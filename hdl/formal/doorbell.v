@@ -29,13 +29,9 @@ module doorbell (
         .o_d_shift(d_shift), .o_kv_shift(kv_shift), .o_octave(octave), .o_beta(beta), .o_beta_shift(beta_shift),
         .o_relax(relax), .o_bound_count(bound_count));
 
-    wire [31:0] seq;
-    wire [ 1:0] step;
-    wire        loaded, sane;
-    // peek: seq = dut.seq
-    // peek: step = dut.step
-    // peek: loaded = dut.loaded
-    // peek: sane = dut.sane
+    wire [31:0] seq; // peek: dut.seq
+    wire [ 1:0] step; // peek: dut.step
+    wire        loaded, sane; // peek: dut.loaded dut.sane
 
     reg         begun, valid_r, ready_r, write_r, busy_r, told_r, tick_r, rst_r, loaded_r, sane_r;
     reg  [23:0] address_r;

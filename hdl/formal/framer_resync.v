@@ -22,19 +22,10 @@ module framer_resync (
         .length(length[21:11]), .bad_length(bad_length[1]), .bad_cobs(bad_cobs[1]), .bad_crc(bad_crc[1])
     );
 
-    wire [31:0] crc_0, crc_1;
-    wire [ 7:0] left_0, left_1;
-    wire        begun_0, begun_1, full_0, full_1, hollow_0, hollow_1;
-    // peek: crc_0 = this.crc
-    // peek: crc_1 = that.crc
-    // peek: left_0 = this.left
-    // peek: left_1 = that.left
-    // peek: begun_0 = this.begun
-    // peek: begun_1 = that.begun
-    // peek: full_0 = this.full
-    // peek: full_1 = that.full
-    // peek: hollow_0 = this.hollow
-    // peek: hollow_1 = that.hollow
+    wire [31:0] crc_0, crc_1; // peek: this.crc that.crc
+    wire [ 7:0] left_0, left_1; // peek: this.left that.left
+    wire        begun_0, full_0, hollow_0; // peek: this.begun this.full this.hollow
+    wire        begun_1, full_1, hollow_1; // peek: that.begun that.full that.hollow
 
     reg delimited = 1'b0;
     always @(posedge clk) begin

@@ -25,15 +25,9 @@ module link_bus (
         .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error)
     );
 
-    wire [3:0] state, n;
-    wire [9:0] end_at;
-    wire [7:0] words, count, op;
-    // peek: state = exec.state
-    // peek: n = exec.n
-    // peek: end_at = exec.end_at
-    // peek: words = exec.words
-    // peek: count = exec.count
-    // peek: op = exec.op
+    wire [3:0] state, n; // peek: exec.state exec.n
+    wire [9:0] end_at; // peek: exec.end_at
+    wire [7:0] words, count, op; // peek: exec.words exec.count exec.op
     localparam [3:0] IDLE = 4'd0, ARGS = 4'd3, CHECK = 4'd4, WORD = 4'd5, BUS = 4'd6, TEST = 4'd7, PUT = 4'd8,
                      STATUS = 4'd9, SEND = 4'd10;
     wire [9:0] words_end = 10'd3 + {words, 2'b00};

@@ -85,23 +85,14 @@ module link_checked (
         owed <= rst ? 2'd0 : owed + {1'b0, whole} - {1'b0, release_frame};
     end
 
-    wire [31:0] crc;
-    wire [10:0] size;
-    wire [ 7:0] left;
-    wire        begun, full_block, hollow, bank_in, bank_out, store;
-    wire [ 1:0] full;
-    wire [ 3:0] state;
-    // peek: crc = receiver.decode.crc
-    // peek: size = receiver.decode.size
-    // peek: left = receiver.decode.left
-    // peek: begun = receiver.decode.begun
-    // peek: full_block = receiver.decode.full
-    // peek: hollow = receiver.decode.hollow
-    // peek: store = receiver.decode.store
-    // peek: bank_in = receiver.bank_in
-    // peek: bank_out = receiver.bank_out
-    // peek: full = receiver.full
-    // peek: state = exec.state
+    wire [31:0] crc; // peek: receiver.decode.crc
+    wire [10:0] size; // peek: receiver.decode.size
+    wire [ 7:0] left; // peek: receiver.decode.left
+    wire        begun, full_block; // peek: receiver.decode.begun receiver.decode.full
+    wire        hollow, store; // peek: receiver.decode.hollow receiver.decode.store
+    wire        bank_in, bank_out; // peek: receiver.bank_in receiver.bank_out
+    wire [ 1:0] full; // peek: receiver.full
+    wire [ 3:0] state; // peek: exec.state
 
     always @(posedge clk) if (!rst) begin
         if (bus_valid) assert (owed != 2'd0);

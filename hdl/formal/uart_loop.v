@@ -19,18 +19,11 @@ module uart_loop (
         .framing(framing), .overrun(overrun)
     );
 
-    wire [ 3:0] left;
-    wire [15:0] sender_count, count;
-    wire [ 9:0] sender_shift;
-    wire [ 2:0] state, bits;
-    wire [ 7:0] shift;
-    // peek: left = sender.left
-    // peek: sender_count = sender.count
-    // peek: sender_shift = sender.shift
-    // peek: state = receiver.state
-    // peek: count = receiver.count
-    // peek: bits = receiver.bits
-    // peek: shift = receiver.shift
+    wire [ 3:0] left; // peek: sender.left
+    wire [ 9:0] sender_shift; // peek: sender.shift
+    wire [15:0] sender_count, count; // peek: sender.count receiver.count
+    wire [ 2:0] state, bits; // peek: receiver.state receiver.bits
+    wire [ 7:0] shift; // peek: receiver.shift
 
     // The byte being sent, and the sender's clock within it: 0..39, or 63 when idle.
     reg  [ 7:0] sent = 8'd0;

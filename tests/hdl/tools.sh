@@ -35,12 +35,17 @@ bench() {
     bench=$built/bench
 }
 
-# smt2 FROM: write the proof of the modules in FROM as a formula. A line "// peek: WIRE = INSTANCE.SIGNAL" in the proof
-# gives it access to a register.
+# smt2 FROM: write the proof of the modules in FROM as a formula. "wire A, B; // peek: INSTANCE.C INSTANCE.D" in the proof
+# gives it access to registers.
 smt2() {
     local file files=() peeks
     for file in "${proof[@]}"; do files+=("$1/$file"); done
-    peeks=$(sed -n 's|^ *// peek: \([a-z0-9_]*\) = \([a-z0-9_.]*\)$|connect -nounset -set \1 \2;|p' "$KN_SOURCE/hdl/formal/$name.v")
+    peeks=$(awk -F '; // peek: ' 'NF == 2 {
+        sub(/^ *wire *(\[[^]]*\])? */, "", $1)
+        n = split($1, wire, ", ")
+        split($2, signal, " ")
+        while (n-- > 0) print "connect -nounset -set " wire[n + 1] " " signal[n + 1] ";"
+    }' "$KN_SOURCE/hdl/formal/$name.v")
     yosys -q -e "no driver" -l yosys.log -p "read_verilog -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; \
         hierarchy -check -top $name; proc; flatten; $peeks prep -top $name; async2sync; dffunmap; opt_clean; \
         write_smt2 -wires proof.smt2" >/dev/null 2>&1 || { grep ERROR yosys.log; exit 1; }
