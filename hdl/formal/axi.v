@@ -75,21 +75,13 @@ module knead_engine #(
     parameter LOG_EDGES = 13,
     parameter LOG_LIST = 6
 ) (
-    input  wire        clk,
-    input  wire        rst,
-    input  wire        bus_valid,
-    input  wire        bus_write,
+    input  wire        clk, rst, bus_valid, bus_write,
     input  wire [23:0] bus_addr,
     input  wire [31:0] bus_wdata,
-    output wire        bus_ready,
-    output wire [31:0] bus_rdata,
-    output wire        bus_error
+    output wire        bus_ready, bus_error,
+    output wire [31:0] bus_rdata
 );
-    (* anyseq *) wire        ready;
-    (* anyseq *) wire [31:0] rdata;
-    (* anyseq *) wire        error;
-    assign bus_ready = ready;
-    assign bus_rdata = rdata;
-    assign bus_error = error;
+    (* anyseq *) wire [33:0] anything;
+    assign {bus_ready, bus_error, bus_rdata} = anything;
 endmodule
 `default_nettype wire

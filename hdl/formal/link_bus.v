@@ -12,7 +12,7 @@ module link_bus (
     input wire        bus_error
 );
     reg         rst = 1'b1;
-    wire        release_frame, put, send, bus_valid, bus_write;
+    wire        put, send, bus_valid, bus_write;
     wire [ 9:0] read_address, put_address, send_length;
     wire [ 7:0] put_data;
     wire [23:0] bus_addr;
@@ -20,9 +20,9 @@ module link_bus (
 
     knead_link_exec exec (
         .clk(clk), .rst(rst), .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .release_frame(release_frame), .busy(busy), .put(put), .put_address(put_address), .put_data(put_data),
-        .send(send), .send_length(send_length), .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr),
-        .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error)
+        .busy(busy), .put(put), .put_address(put_address), .put_data(put_data), .send(send), .send_length(send_length),
+        .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr), .bus_wdata(bus_wdata), .bus_ready(bus_ready),
+        .bus_rdata(bus_rdata), .bus_error(bus_error)
     );
 
     wire [3:0] state, n; // peek: exec.state exec.n
@@ -52,7 +52,6 @@ module link_bus (
             if (put) assert (put_address < 10'd3 || state == PUT);
             if (state == PUT) assert (put_address >= 10'd3 && put_address <= 10'd1022);
             if (send) assert (send_length >= 10'd3 && send_length[1:0] == 2'd3);
-            assert (release_frame == send);
         end
         cover (send && words == 8'd3);
     end

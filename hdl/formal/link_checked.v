@@ -1,20 +1,19 @@
 `default_nettype none
 // Nothing reaches the bus unless a whole frame has come and its checksum held. This module describes a whole frame a
-// second time. The link's own buffers may hold anything: the module knead_link_buffer below gives any byte. By
-// induction, from reset: the link holds as many frames as have come whole and have not been answered; bus_valid is
-// never high when it holds none; and a frame is not overwritten while it is executed.
-module knead_link_buffer #(
-    parameter BITS = 10
+// second time. The link's own buffers may hold anything: the module knead_ram below gives any byte. By induction, from
+// reset: the link holds as many frames as have come whole and have not been answered; bus_valid is never high when it
+// holds none; and a frame is not overwritten while it is executed.
+module knead_ram #(
+    parameter WIDTH = 8,
+    parameter LOG_DEPTH = 10
 ) (
-    input  wire            clk,
-    input  wire            write,
-    input  wire [BITS-1:0] write_address,
-    input  wire [     7:0] write_data,
-    input  wire [BITS-1:0] read_address,
-    output wire [     7:0] read_data
+    input  wire                 clk, i_write,
+    input  wire [LOG_DEPTH-1:0] i_write_address, i_address,
+    input  wire [WIDTH-1:0]     i_data,
+    output wire [WIDTH-1:0]     o_data
 );
-    (* anyseq *) reg [7:0] anything;
-    assign read_data = anything;
+    (* anyseq *) wire [WIDTH-1:0] anything;
+    assign o_data = anything;
 endmodule
 
 module link_checked (
@@ -27,7 +26,7 @@ module link_checked (
     input wire        busy
 );
     reg         rst = 1'b1;
-    wire        rx_ready, frame, release_frame, put, send, bus_valid, bus_write;
+    wire        rx_ready, frame, put, send, bus_valid, bus_write;
     wire [10:0] length;
     wire [ 9:0] read_address, put_address, send_length;
     wire [ 7:0] read_data, put_data;
@@ -37,14 +36,14 @@ module link_checked (
     knead_link_rx receiver (
         .clk(clk), .rst(rst), .in_valid(rx_valid), .in_data(rx_data), .in_ready(rx_ready),
         .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .release_frame(release_frame), .frames(frames), .crc_errors(crc_errors), .cobs_errors(cobs_errors),
+        .release_frame(send), .frames(frames), .crc_errors(crc_errors), .cobs_errors(cobs_errors),
         .length_errors(length_errors)
     );
     knead_link_exec exec (
         .clk(clk), .rst(rst), .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .release_frame(release_frame), .busy(busy), .put(put), .put_address(put_address), .put_data(put_data),
-        .send(send), .send_length(send_length), .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr),
-        .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error)
+        .busy(busy), .put(put), .put_address(put_address), .put_data(put_data), .send(send), .send_length(send_length),
+        .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr), .bus_wdata(bus_wdata), .bus_ready(bus_ready),
+        .bus_rdata(bus_rdata), .bus_error(bus_error)
     );
 
     // The second description of a frame.
@@ -82,7 +81,7 @@ module link_checked (
             rest   <= 8'd0;
             sum    <= 32'hffffffff;
         end
-        owed <= rst ? 2'd0 : owed + {1'b0, whole} - {1'b0, release_frame};
+        owed <= rst ? 2'd0 : owed + {1'b0, whole} - {1'b0, send};
     end
 
     wire [31:0] crc; // peek: receiver.decode.crc

@@ -24,7 +24,7 @@ module knead_link (
     output wire [31:0] cobs_errors,
     output wire [31:0] length_errors
 );
-    wire        frame, release_frame, put, send, busy;
+    wire        frame, put, send, busy;
     wire [10:0] length;
     wire [ 9:0] read_address, put_address, send_length;
     wire [ 7:0] read_data, put_data;
@@ -32,14 +32,14 @@ module knead_link (
     knead_link_rx receiver (
         .clk(clk), .rst(rst), .in_valid(rx_valid), .in_data(rx_data), .in_ready(rx_ready),
         .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .release_frame(release_frame), .frames(frames), .crc_errors(crc_errors), .cobs_errors(cobs_errors),
+        .release_frame(send), .frames(frames), .crc_errors(crc_errors), .cobs_errors(cobs_errors),
         .length_errors(length_errors)
     );
     knead_link_exec exec (
         .clk(clk), .rst(rst), .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .release_frame(release_frame), .busy(busy), .put(put), .put_address(put_address), .put_data(put_data),
-        .send(send), .send_length(send_length), .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr),
-        .bus_wdata(bus_wdata), .bus_ready(bus_ready), .bus_rdata(bus_rdata), .bus_error(bus_error)
+        .busy(busy), .put(put), .put_address(put_address), .put_data(put_data), .send(send), .send_length(send_length),
+        .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr), .bus_wdata(bus_wdata), .bus_ready(bus_ready),
+        .bus_rdata(bus_rdata), .bus_error(bus_error)
     );
     knead_link_tx sender (
         .clk(clk), .rst(rst), .write(put), .write_address(put_address), .write_data(put_data),

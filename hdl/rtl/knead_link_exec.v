@@ -16,13 +16,12 @@ module knead_link_exec (
     input  wire [10:0] length,
     output wire [ 9:0] read_address,
     input  wire [ 7:0] read_data,
-    output wire        release_frame,
     // the reply
     input  wire        busy,
     output wire        put,
     output wire [ 9:0] put_address,
     output wire [ 7:0] put_data,
-    output wire        send,
+    output wire        send, // the reply is complete, and the payload is no longer needed
     output wire [ 9:0] send_length,
     // the bus
     output wire        bus_valid,
@@ -79,7 +78,6 @@ module knead_link_exec (
     assign put_data      = state == PUT ? word[7:0] : n == 4'd0 ? tag[7:0] : n == 4'd1 ? tag[15:8] : {6'd0, status};
     assign send          = state == SEND;
     assign send_length   = end_at;
-    assign release_frame = send;
 
     always @(posedge clk) begin
         fresh <= !(takes || state == IDLE);

@@ -36,9 +36,9 @@ module knead_link_rx (
         .store(store), .address(address), .data(data), .good(good), .length(size),
         .bad_length(bad_length), .bad_cobs(bad_cobs), .bad_crc(bad_crc)
     );
-    knead_link_buffer #(.BITS(11)) banks (
-        .clk(clk), .write(store), .write_address({bank_in, address}), .write_data(data),
-        .read_address({bank_out, read_address}), .read_data(read_data)
+    knead_ram #(8, 11) banks (
+        .clk(clk), .i_write(store), .i_write_address({bank_in, address}), .i_data(data),
+        .i_address({bank_out, read_address}), .o_data(read_data)
     );
 
     always @(posedge clk) begin

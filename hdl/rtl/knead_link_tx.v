@@ -42,9 +42,9 @@ module knead_link_tx (
     wire        sent = out_valid && out_ready;
 
     knead_crc32 check (.crc(crc), .data(stored), .next(crc_next));
-    knead_link_buffer #(.BITS(10)) reply (
-        .clk(clk), .write(write), .write_address(write_address), .write_data(write_data),
-        .read_address(at[9:0]), .read_data(stored)
+    knead_ram #(8, 10) reply (
+        .clk(clk), .i_write(write), .i_write_address(write_address), .i_data(write_data), .i_address(at[9:0]),
+        .o_data(stored)
     );
 
     assign busy      = state != IDLE;
