@@ -78,17 +78,13 @@ module knead_registers #(
             `KN_REG_VERSION: begin read = `KN_ENGINE_VERSION; writable = 1'b0; end
             `KN_REG_BUILD_HASH: begin read = `KN_BUILD_HASH; writable = 1'b0; end
             `KN_REG_CAPS: begin read = {8'd0, LOG_LIST[7:0], LOG_EDGES[7:0], LOG_NODES[7:0]}; writable = 1'b0; end
-            `KN_REG_CONTROL: fits = i_bus_wdata[31:`KN_BITS_CONTROL] == 28'd0;
+            `KN_REG_CONTROL: fits = ~|i_bus_wdata[31:`KN_BITS_CONTROL];
             `KN_REG_STATUS: begin
                 read = {28'd0, empty, wrong_seq, loaded, i_busy};
-                fits = i_bus_wdata[31:`KN_BITS_STATUS] == 28'd0;
+                fits = ~|i_bus_wdata[31:`KN_BITS_STATUS];
                 config_ = 1'b0;
             end
-            `KN_REG_FLAGS: begin
-                read = {25'd0, flags};
-                fits = i_bus_wdata[31:`KN_BITS_FLAGS] == 25'd0;
-                config_ = 1'b0;
-            end
+            `KN_REG_FLAGS: begin read = {25'd0, flags}; fits = ~|i_bus_wdata[31:`KN_BITS_FLAGS]; config_ = 1'b0; end
             `KN_REG_SCRATCH: begin read = scratch; config_ = 1'b0; end
             `KN_REG_TICK: begin read = tick; writable = 1'b0; end
             `KN_REG_STEP_SEQ: begin read = seq; config_ = i_bus_wdata == seq + 32'd1; end
@@ -100,20 +96,14 @@ module knead_registers #(
             `KN_REG_RESULT_FLAGS: begin read = {25'd0, result_flags}; writable = 1'b0; end
             `KN_REG_NODE_COUNT: begin read = {15'd0, o_node_count}; fits = i_bus_wdata <= 32'd1 << LOG_NODES; end
             `KN_REG_EDGE_COUNT: begin read = {11'd0, o_edge_count}; fits = i_bus_wdata <= 32'd1 << LOG_EDGES; end
-            `KN_REG_PASSES: begin read = {28'd0, o_passes}; fits = i_bus_wdata[31:`KN_BITS_PASSES] == 28'd0; end
-            `KN_REG_ITERATIONS: begin
-                read = {26'd0, o_iterations};
-                fits = i_bus_wdata[31:`KN_BITS_ITERATIONS] == 26'd0;
-            end
-            `KN_REG_D_SHIFT: begin read = {27'd0, o_d_shift}; fits = i_bus_wdata[31:`KN_BITS_D_SHIFT] == 27'd0; end
-            `KN_REG_KV_SHIFT: begin read = {26'd0, o_kv_shift}; fits = i_bus_wdata[31:`KN_BITS_KV_SHIFT] == 26'd0; end
-            `KN_REG_OCTAVE: begin read = {25'd0, o_octave}; fits = i_bus_wdata[31:`KN_BITS_OCTAVE] == 25'd0; end
-            `KN_REG_BETA: begin read = {15'd0, o_beta}; fits = i_bus_wdata[31:`KN_BITS_BETA] == 15'd0; end
-            `KN_REG_BETA_SHIFT: begin
-                read = {26'd0, o_beta_shift};
-                fits = i_bus_wdata[31:`KN_BITS_BETA_SHIFT] == 26'd0;
-            end
-            `KN_REG_RELAX: begin read = {15'd0, o_relax}; fits = i_bus_wdata[31:`KN_BITS_RELAX] == 15'd0; end
+            `KN_REG_PASSES: begin read = {28'd0, o_passes}; fits = ~|i_bus_wdata[31:`KN_BITS_PASSES]; end
+            `KN_REG_ITERATIONS: begin read = {26'd0, o_iterations}; fits = ~|i_bus_wdata[31:`KN_BITS_ITERATIONS]; end
+            `KN_REG_D_SHIFT: begin read = {27'd0, o_d_shift}; fits = ~|i_bus_wdata[31:`KN_BITS_D_SHIFT]; end
+            `KN_REG_KV_SHIFT: begin read = {26'd0, o_kv_shift}; fits = ~|i_bus_wdata[31:`KN_BITS_KV_SHIFT]; end
+            `KN_REG_OCTAVE: begin read = {25'd0, o_octave}; fits = ~|i_bus_wdata[31:`KN_BITS_OCTAVE]; end
+            `KN_REG_BETA: begin read = {15'd0, o_beta}; fits = ~|i_bus_wdata[31:`KN_BITS_BETA]; end
+            `KN_REG_BETA_SHIFT: begin read = {26'd0, o_beta_shift}; fits = ~|i_bus_wdata[31:`KN_BITS_BETA_SHIFT]; end
+            `KN_REG_RELAX: begin read = {15'd0, o_relax}; fits = ~|i_bus_wdata[31:`KN_BITS_RELAX]; end
             `KN_REG_BOUND_COUNT: begin read = {21'd0, o_bound_count}; fits = i_bus_wdata < 32'd1 << LOG_LIST; end
             default: known = 1'b0;
         endcase
@@ -123,7 +113,7 @@ module knead_registers #(
     wire [15:0] j_beyond = i_bus_wdata[31:16] >> LOG_NODES;
     wire edge_fits = i_bus_addr[2:0] != 3'd0 || (i_beyond | j_beyond) == 16'd0;
     wire list_fits = i_bus_addr[1:0] != 2'd0 || i_beyond == 16'd0;
-    wire omega_fits = i_bus_wdata[31:`KN_BITS_OMEGA] == 14'd0;
+    wire omega_fits = ~|i_bus_wdata[31:`KN_BITS_OMEGA];
 
     // Settings with which a step may run. A proof leaves sane free, since loading all settings takes too many clocks
     // there.
