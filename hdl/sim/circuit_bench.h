@@ -1,28 +1,22 @@
 #ifndef KN_HDL_SIM_CIRCUIT_BENCH_H
 #define KN_HDL_SIM_CIRCUIT_BENCH_H
-// Shared parts of the benches: random numbers from a seed that is printed, and a word bus that circuit and C code see
-// alike.
-#include "verilated.h"
-#include <cstdint>
+// Shared parts of the benches: random numbers from a seed that is printed, a word bus that circuit and C code see
+// alike, and a serial line.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <random>
 #include <string>
 #include <vector>
+
+#include "hdl/sim/word_bus.h"
 extern "C" {
 #include "server/backend/frame.h"
 }
 
-inline double sc_time_stamp() { return 0; }
-
-// Random numbers (xorshift).
-struct chance {
-    uint64_t state;
-    uint32_t below(uint32_t n)
-    {
-        state ^= state << 13, state ^= state >> 7, state ^= state << 17;
-        return n ? uint32_t((state >> 32) * n >> 32) : 0;
-    }
+struct chance : std::mt19937_64 {
+    using std::mt19937_64::mt19937_64;
+    uint32_t below(uint32_t n) { return uint32_t(((*this)() >> 32) * n >> 32); }
     uint32_t word() { return below(2) ? below(UINT32_MAX) : below(2) ? 0 : below(256); }
 };
 
@@ -33,50 +27,54 @@ inline long from_environment(const char *name, long otherwise)
     return text ? atol(text) : otherwise;
 }
 
+[[noreturn]] inline void lost(const char *what)
+{
+    fprintf(stderr, "%s\n", what);
+    exit(1);
+}
+
 // A memory behind the word bus. Words at 0 to 255 are memory, those from 0x800000 to 0x80ffff are bus errors, all
 // others are a function of their address. The word at 16 counts its reads, so that a WAIT for it ends.
 struct memory {
     uint32_t words[256] = {};
     std::vector<uint64_t> transfers; // (write, address, word) in order
-    static bool refuses(uint32_t address) { return address >> 16 == 0x80; }
-    void note(bool write, uint32_t address, uint32_t word)
+    bool take(bool write, uint32_t address, uint32_t *word)
     {
-        transfers.push_back(uint64_t(write) << 56 | uint64_t(address) << 32 | word);
+        if (write && address < 256) words[address] = *word;
+        if (!write) *word = address == 16 ? ++words[16] : address < 256 ? words[address] : address * 0x9e3779b1u;
+        transfers.push_back(uint64_t(write) << 56 | uint64_t(address) << 32 | *word);
+        return address >> 16 != 0x80;
     }
-    bool read(uint32_t address, uint32_t &word)
+    kn_word_bus bus() // of the C code
     {
-        word = address == 16 ? ++words[16] : address < 256 ? words[address] : address * 0x9e3779b1u;
-        note(false, address, word);
-        return !refuses(address);
+        return {this,
+                [](void *self, uint32_t a, uint32_t *w) { return static_cast<memory *>(self)->take(false, a, w); },
+                [](void *self, uint32_t a, uint32_t w) { return static_cast<memory *>(self)->take(true, a, &w); }};
     }
-    bool write(uint32_t address, uint32_t word)
+    // Answer the transfer of a circuit, if there is one in this clock.
+    template <typename verilated> void serve(verilated &top)
     {
-        note(true, address, word);
-        if (address < 256) words[address] = word;
-        return !refuses(address);
+        if (!top.bus_valid || !top.bus_ready) return;
+        uint32_t word = top.bus_wdata;
+        top.bus_error = !take(top.bus_write, top.bus_addr, &word);
+        top.bus_rdata = word;
     }
 };
 
-inline kn_word_bus bus_of(memory &m)
-{
-    return {&m, [](void *self, uint32_t a, uint32_t *w) { return static_cast<memory *>(self)->read(a, *w); },
-            [](void *self, uint32_t a, uint32_t w) { return static_cast<memory *>(self)->write(a, w); }};
-}
-
 // The C code as the device: its answers to the bytes of a line.
-struct device {
-    memory bus;
+struct reference {
+    memory words;
     kn_framer framer = {};
     std::vector<uint8_t> answer;
     long statuses[4] = {}; // answers by status
     void hear(const std::vector<uint8_t> &bytes)
     {
-        const kn_word_bus words = bus_of(bus);
+        const kn_word_bus bus = words.bus();
         uint8_t payload[KN_FRAMER_PAYLOAD], wire[KN_FRAMER_WIRE];
         for (size_t at = 0, used; at < bytes.size(); at += used) {
             size_t size = kn_framer_read(&framer, bytes.data() + at, bytes.size() - at, &used);
             if (size == 0) continue;
-            size = kn_request_execute(framer.bytes, size, &words, payload);
+            size = kn_request_execute(framer.bytes, size, &bus, payload);
             statuses[payload[2] & 3]++;
             size = kn_framer_encode(payload, size, wire);
             answer.insert(answer.end(), wire, wire + size);
@@ -84,7 +82,57 @@ struct device {
     }
 };
 
+// A circuit on two wires.
+template <typename verilated> struct serial_circuit : circuit<verilated> {
+    using circuit<verilated>::top;
+    const int bit;            // clocks
+    double until = 0;         // the level of rx is known up to this clock
+    int phase = -1, bits = 0; // of the byte that tx sends: clocks since its start bit began; its bits so far
+    std::vector<uint8_t> answer;
+
+    serial_circuit(int seed, int clocks_a_bit) : circuit<verilated>(seed), bit(clocks_a_bit) {}
+    virtual void clock(bool level)
+    {
+        top->rx = level;
+        this->settle();
+        listen(top->tx);
+        this->rise();
+    }
+    // Receive a byte at tx: sample each bit in its middle.
+    void listen(bool level)
+    {
+        if (phase < 0 && level) return;
+        phase++;
+        if (phase % bit != bit / 2 || phase < bit) return;
+        if (phase < 9 * bit) {
+            bits = bits >> 1 | level << 7;
+            return;
+        }
+        if (!level) lost("no stop bit at tx");
+        answer.push_back(uint8_t(bits));
+        phase = -1;
+    }
+    void hold(bool level, double count)
+    {
+        until += count;
+        while (double(this->clocks) < until) clock(level);
+    }
+    // Send a byte at a rate relative to the nominal one.
+    void send(uint8_t byte, double rate = 1)
+    {
+        hold(0, bit / rate);
+        for (int i = 0; i < 8; i++) hold(byte >> i & 1, bit / rate);
+        hold(1, bit / rate);
+    }
+};
+
 // ---- random requests ----
+
+inline std::vector<uint8_t> frame_of(const uint8_t *payload, size_t size)
+{
+    uint8_t wire[KN_FRAMER_WIRE];
+    return {wire, wire + kn_framer_encode(payload, size, wire)};
+}
 
 inline uint32_t some_address(chance &c)
 {
@@ -118,18 +166,16 @@ inline std::vector<uint8_t> some_request(chance &c)
             break;
         default: r.bytes[c.below(r.size)] = uint8_t(c.below(6));
         }
-    uint8_t wire[KN_FRAMER_WIRE];
-    size_t size = kn_framer_encode(r.bytes, r.size, wire);
-    return {wire, wire + size};
+    return frame_of(r.bytes, r.size);
 }
 
 // Return a frame whose payload fills a block together with its checksum. Half of these get an empty block behind the
 // full one and are refused. The others, and those with a 0 in the checksum, are accepted.
 inline std::vector<uint8_t> full_block(chance &c)
 {
-    uint8_t payload[250], wire[KN_FRAMER_WIRE];
+    uint8_t payload[250];
     for (uint8_t &byte : payload) byte = uint8_t(1 + c.below(255));
-    std::vector<uint8_t> bytes(wire, wire + kn_framer_encode(payload, sizeof payload, wire));
+    std::vector<uint8_t> bytes = frame_of(payload, sizeof payload);
     if (bytes[0] == 255 && c.below(2)) bytes.insert(bytes.end() - 1, 1);
     return bytes;
 }

@@ -9,89 +9,73 @@ struct pauses {
     uint32_t in, out, bus;
 };
 
-struct circuit {
-    Vknead_link top;
-    memory bus;
+struct link_circuit : circuit<Vknead_link> {
+    memory words;
     std::vector<uint8_t> answer;
-    uint64_t clocks = 0;
     bool waits = false; // a byte is offered at tx
     uint8_t waiting = 0;
 
-    void edge()
+    link_circuit() : circuit(1)
     {
-        top.clk = 0;
-        top.eval();
-        top.clk = 1;
-        top.eval();
-        clocks++;
-    }
-    circuit()
-    {
-        top.rst = 1;
-        edge();
-        top.rst = 0;
+        top->rst = 1;
+        clock();
+        top->rst = 0;
     }
     // Run one clock, with or without a byte offered. Return true when the byte was taken.
-    bool clock(chance &c, const pauses &p, const uint8_t *byte)
+    bool run(chance &c, const pauses &p, const uint8_t *byte)
     {
-        top.rx_valid = byte && c.below(100) >= p.in;
-        top.rx_data = byte ? *byte : uint8_t(c.below(256));
-        top.tx_ready = c.below(100) >= p.out;
-        top.bus_ready = c.below(100) >= p.bus;
-        top.clk = 0;
-        top.eval();
-        top.bus_rdata = c.word();
-        top.bus_error = uint8_t(c.below(2));
-        if (top.bus_valid && top.bus_ready) transfer();
-        if (waits && !(top.tx_valid && top.tx_data == waiting)) answer.push_back(0xee); // a byte that waits must stay
-        waits = top.tx_valid && !top.tx_ready, waiting = top.tx_data;
-        bool taken = top.rx_valid && top.rx_ready;
-        if (top.tx_valid && top.tx_ready) answer.push_back(top.tx_data);
-        edge();
+        top->rx_valid = byte && c.below(100) >= p.in;
+        top->rx_data = byte ? *byte : uint8_t(c.below(256));
+        top->tx_ready = c.below(100) >= p.out;
+        top->bus_ready = c.below(100) >= p.bus;
+        settle();
+        top->bus_rdata = c.word();
+        top->bus_error = uint8_t(c.below(2));
+        words.serve(*top);
+        if (waits && !(top->tx_valid && top->tx_data == waiting)) answer.push_back(0xee); // a byte that waits must stay
+        waits = top->tx_valid && !top->tx_ready, waiting = top->tx_data;
+        const bool taken = top->rx_valid && top->rx_ready;
+        if (top->tx_valid && top->tx_ready) answer.push_back(top->tx_data);
+        rise();
         return taken;
-    }
-    void transfer()
-    {
-        uint32_t word = top.bus_rdata;
-        top.bus_error = !(top.bus_write ? bus.write(top.bus_addr, top.bus_wdata) : bus.read(top.bus_addr, word));
-        top.bus_rdata = word;
     }
 };
 
 // Return the first difference, or "" if there is none.
-static std::string difference(const circuit &c, const device &d)
+static std::string difference(const link_circuit &c, const reference &r)
 {
-    if (c.answer != d.answer) {
+    if (c.answer != r.answer) {
         size_t i = 0;
-        while (i < c.answer.size() && i < d.answer.size() && c.answer[i] == d.answer[i]) i++;
-        return "replies of " + std::to_string(c.answer.size()) + " and " + std::to_string(d.answer.size()) +
+        while (i < c.answer.size() && i < r.answer.size() && c.answer[i] == r.answer[i]) i++;
+        return "replies of " + std::to_string(c.answer.size()) + " and " + std::to_string(r.answer.size()) +
                " bytes differ from byte " + std::to_string(i);
     }
-    if (c.bus.transfers != d.bus.transfers) return "other bus transfers";
-    if (memcmp(c.bus.words, d.bus.words, sizeof c.bus.words)) return "other memory";
-    if (c.top.frames != uint32_t(d.framer.frames)) return "frames counted otherwise";
-    if (c.top.crc_errors != uint32_t(d.framer.crc)) return "crc errors counted otherwise";
-    if (c.top.cobs_errors != uint32_t(d.framer.cobs)) return "cobs errors counted otherwise";
-    if (c.top.length_errors != uint32_t(d.framer.length)) return "length errors counted otherwise";
+    if (c.words.transfers != r.words.transfers) return "other bus transfers";
+    if (memcmp(c.words.words, r.words.words, sizeof c.words.words)) return "other memory";
+    if (c.top->frames != uint32_t(r.framer.frames)) return "frames counted otherwise";
+    if (c.top->crc_errors != uint32_t(r.framer.crc)) return "crc errors counted otherwise";
+    if (c.top->cobs_errors != uint32_t(r.framer.cobs)) return "cobs errors counted otherwise";
+    if (c.top->length_errors != uint32_t(r.framer.length)) return "length errors counted otherwise";
     return "";
 }
 
 int main()
 {
-    long cases = from_environment("KN_CASES", 1000), seed = from_environment("KN_SEED", 1), bytes = 0, answered = 0;
-    chance c = {0x9e3779b97f4a7c15u * uint64_t(seed + 1)};
-    circuit it;
-    device model;
+    const long cases = from_environment("KN_CASES", 1000), seed = from_environment("KN_SEED", 1);
+    long bytes = 0, answered = 0;
+    chance c(static_cast<uint64_t>(seed));
+    link_circuit it;
+    reference model;
     printf("seed %ld\n", seed);
     for (long i = 0; i < cases; i++) {
         const pauses p = {c.below(3) * 45, c.below(3) * 45, c.below(3) * 45};
         std::vector<uint8_t> line = some_line(c);
         model.hear(line);
-        for (size_t at = 0; at < line.size();) at += it.clock(c, p, &line[at]);
+        for (size_t at = 0; at < line.size();) at += it.run(c, p, &line[at]);
         // Run until the answer is there, and then as long as one more frame would need to begin.
         uint64_t patience = it.clocks + 60000000, quiet = 0;
-        while (it.answer.size() < model.answer.size() && it.clocks < patience) it.clock(c, p, nullptr);
-        while (quiet++ < 3000) it.clock(c, p, nullptr);
+        while (it.answer.size() < model.answer.size() && it.clocks < patience) it.run(c, p, nullptr);
+        while (quiet++ < 3000) it.run(c, p, nullptr);
         std::string wrong = difference(it, model);
         if (!wrong.empty()) {
             printf("FAIL line %ld (KN_SEED=%ld): %s\n", i, seed, wrong.c_str());
@@ -99,7 +83,7 @@ int main()
         }
         bytes += long(line.size()), answered += long(model.answer.size());
         it.answer.clear(), model.answer.clear();
-        it.bus.transfers.clear(), model.bus.transfers.clear();
+        it.words.transfers.clear(), model.words.transfers.clear();
     }
     const kn_framer &f = model.framer;
     const long *statuses = model.statuses;

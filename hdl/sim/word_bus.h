@@ -20,10 +20,27 @@ template <typename verilated> struct circuit {
         context.randSeed(seed);
         top.reset(new verilated(&context));
     }
+    void settle() // first half of a clock: the outputs follow the inputs
+    {
+        top->clk = 0;
+        top->eval();
+    }
+    void rise() // second half: the registers take their next values
+    {
+        top->clk = 1;
+        top->eval();
+        clocks++;
+    }
+    void clock()
+    {
+        settle();
+        rise();
+    }
 };
 
 template <typename verilated> struct word_bus : circuit<verilated> {
     using circuit<verilated>::top;
+    using circuit<verilated>::clock;
 
     explicit word_bus(int seed) : circuit<verilated>(seed) { reset(); }
     void reset()
@@ -32,14 +49,6 @@ template <typename verilated> struct word_bus : circuit<verilated> {
         top->bus_valid = 0;
         for (int i = 0; i < 4; i++) clock();
         top->rst = 0;
-    }
-    void clock()
-    {
-        top->clk = 0;
-        top->eval();
-        top->clk = 1;
-        top->eval();
-        this->clocks++;
     }
     // Transfer one word. Return true if it was taken; *word is written or, when !write, read.
     bool transfer(bool write, uint32_t address, uint32_t *word)

@@ -3,6 +3,5 @@
 # night: Verilates a circuit
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
-bench knead_engine engine -GLOG_NODES=7 -GLOG_EDGES=12 -GLOG_LIST=5 \
-    -CFLAGS "-DKN_LOG_NODES=7 -DKN_LOG_EDGES=12 -DKN_LOG_LIST=5"
+bench knead_engine engine -GLOG_NODES=7 -GLOG_EDGES=12 -GLOG_LIST=5
 "$bench"

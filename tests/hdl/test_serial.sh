@@ -5,7 +5,7 @@
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
 for clocks in 5 16; do
-    bench knead_link_serial serial -GCLOCKS="16'd$clocks" -CFLAGS -DCLOCKS=$clocks
+    bench knead_link_serial serial -GCLOCKS="16'd$clocks"
     "$bench" || fail=1
 done
 exit $fail

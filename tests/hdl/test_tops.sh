@@ -5,10 +5,9 @@
 source "$KN_SOURCE/tests/hdl/tools.sh"
 need verilator g++
 sizes="-GLOG_NODES=5 -GLOG_EDGES=7 -GLOG_LIST=4"
-flags="-DKN_LOG_NODES=5 -DKN_LOG_EDGES=7 -DKN_LOG_LIST=4"
 export KN_MODELS=${KN_MODELS:-4}
-bench knead_top_uart engine $sizes -GCLOCKS="16'd4" -CFLAGS "$flags -DKN_TOP_UART -DKN_CLOCKS=4"
+bench knead_top_uart engine $sizes -GCLOCKS="16'd4" -CFLAGS -DKN_TOP_UART
 "$bench" || fail=1
-bench knead_top_axi engine $sizes -CFLAGS "$flags -DKN_TOP_AXI"
+bench knead_top_axi engine $sizes -CFLAGS -DKN_TOP_AXI
 KN_MODELS=$((5 * KN_MODELS)) "$bench" || fail=1
 exit $fail

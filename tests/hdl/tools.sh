@@ -2,7 +2,8 @@
 #
 #     need PROGRAM...                   skip the test (77) if one is missing
 #     bench TOP BENCH [OPTION]...       build $bench: hdl/sim/BENCH.cpp around the Verilated hdl/rtl/TOP.v, with the C
-#                                       code that it is compared with; kept in $KN_BUILD/hdl, OPTION is verilator's
+#                                       code that it is compared with; kept in $KN_BUILD/hdl, OPTION is verilator's;
+#                                       -GNAME=N sets a parameter of TOP, and the bench's macro NAME
 #     prove NAME MODE DEPTH FILE...     prove hdl/formal/NAME.v of the modules hdl/rtl/FILE. MODE bmc: in every run of
 #                                       DEPTH clocks; induction: in every run. Registers that NAME.v does not reset
 #                                       begin with any content
@@ -21,9 +22,10 @@ need() {
 }
 
 bench() {
-    local top=$1 name=$2 built
+    local top=$1 name=$2 built option
     built=$(IFS=_ && tr -dc 'a-zA-Z0-9_' <<<"$*") && built=$KN_BUILD/hdl/$built # one for each set of options
     shift 2
+    for option in "$@"; do [[ $option != -G* ]] || set -- "$@" -CFLAGS "$(sed "s/-G/-D/; s/16'd//" <<<"$option")"; done
     mkdir -p "$built" && rm -f "$built/bench"
     gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/server/backend/frame.c" -o "$built/frame.o" &&
         gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/core/fixed.c" -o "$built/fixed.o" &&
