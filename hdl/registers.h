@@ -2,12 +2,7 @@
 #define KN_HDL_REGISTERS_H
 // The circuit as a host sees it: words of 32 bits at word addresses of 24 bits. C, Verilog and hdl/REGISTERS.md get the
 // table from this file (hdl/table.c). The hash of the table, together with that of the formats, is BUILD_HASH.
-//
-// A transfer is refused (bus_error) at an address without a register or window, when it writes a read-only word, a
-// value with more bits than the register has, a count beyond CAPS or a node that does not exist. While STATUS.BUSY it
-// is also refused when it touches a window or OMEGA, or when it writes CONTROL or a setting that a tick reads. Writing
-// 0x10..0x19 or OMEGA clears LOADED. CONTROL 8 sets LOADED only if the values of those registers are within their
-// ranges.
+// hdl/REGISTERS.md says which transfers are refused.
 #include <stdint.h>
 
 // Registers: name, word address, access (R read, W write, C write one to clear), bits, description.
@@ -51,10 +46,7 @@
     WINDOW(EDGES, 0x800000, 8, "i + (j << 16); kv; ia; h lo, hi; 0, 0, 0")
 
 // Clocks that a phase takes in addition to one for each of its nodes or edges (INVERT: three for each node), until its
-// last write is done. BOUND and REACTION: clocks for each record of the boundary list.
-//
-//     CYCLES = (N + BEGIN) + B BOUND + O ((E + SETUP) + (3 N + INVERT) + K ((E + EDGE) + (N + NODE)))
-//            + (E + EDGE_COMMIT) + (N + NODE_COMMIT) + B REACTION
+// last write is done. BOUND and REACTION: clocks for each record of the boundary list. kn_engine_clocks adds them up.
 #define KN_CYCLES(CYCLES)                                                                                              \
     CYCLES(BEGIN, 1)                                                                                                   \
     CYCLES(BOUND, 7)                                                                                                   \

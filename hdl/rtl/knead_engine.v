@@ -1,13 +1,7 @@
 `default_nettype none
 // The lattice as a circuit: core/fixed.c bit for bit, an edge or a node per clock. The host's side is a bus of 32-bit
-// words (hdl/registers.h). A transfer takes place in the clock in which valid and ready are both high.
-//
-//                       +-----------------------------------------------------------------+
-//     edges: i j kv ia h|--> x u of i and j --> SETUP --> e g t0 --> EDGE --> force of i, -force of j
-//                       |        ^                |                             |
-//                       +--------|----------------|-----------------------------|----------+
-//                                |              share                         sums of i, sums of j
-//                              x u last <--- NODE, COMMIT <--- 1/D <--- INVERT <-+
+// words (hdl/registers.h). A transfer takes place in the clock in which valid and ready are both high. hdl/README.md
+// draws the pipes and memories.
 `include "knead_formats.vh"
 `include "knead_phases.vh"
 module knead_engine #(
