@@ -1,5 +1,6 @@
 `default_nettype none
-// Memories as words: give one word of the record that was read, and the record with that word replaced by i_data.
+// Memories as words: give one word of the record that was read, and the record with that word replaced by i_data. Each
+// assignment does both: {the record's part, the word} = {i_data, the part as it was}.
 `include "knead_formats.vh"
 module knead_windows #(
     parameter LOG_NODES = 10
@@ -34,22 +35,16 @@ module knead_windows #(
         o_held = i_word == 4'd6 ? i_data[2:0] : i_held;
         o_node_word = i_word == 4'd6 ? {29'd0, i_held} : 32'd0;
         for (k = 0; k < 3; k = k + 1) begin
-            if (i_word == 2*k[3:0]) begin
-                o_x[`KN_X*k +: 32] = i_data;
-                o_node_word = x[`KN_X*k +: 32];
-            end
-            if (i_word == 2*k[3:0] + 4'd1) begin
-                o_x[`KN_X*k + 32 +: `KN_X-32] = i_data[`KN_X-33:0];
-                o_node_word = {{(64-`KN_X){x[`KN_X*k+`KN_X-1]}}, x[`KN_X*k + 32 +: `KN_X-32]};
-            end
-            if (i_word == k[3:0] + 4'd7) begin
-                o_u[`KN_U*k +: `KN_U] = i_data[`KN_U-1:0];
-                o_node_word = {{(32-`KN_U){i_u[`KN_U*k+`KN_U-1]}}, i_u[`KN_U*k +: `KN_U]};
-            end
-            if (i_word == k[3:0] + 4'd10) begin
-                o_load[`KN_T*k +: `KN_T] = i_data[`KN_T-1:0];
-                o_node_word = {{(32-`KN_T){i_load[`KN_T*k+`KN_T-1]}}, i_load[`KN_T*k +: `KN_T]};
-            end
+            if (i_word == 2*k[3:0]) {o_x[`KN_X*k +: 32], o_node_word} = {i_data, x[`KN_X*k +: 32]};
+            if (i_word == 2*k[3:0] + 4'd1)
+                {o_x[`KN_X*k + 32 +: `KN_X-32], o_node_word}
+                    = {i_data[`KN_X-33:0], {(64-`KN_X){x[`KN_X*k+`KN_X-1]}}, x[`KN_X*k + 32 +: `KN_X-32]};
+            if (i_word == k[3:0] + 4'd7)
+                {o_u[`KN_U*k +: `KN_U], o_node_word}
+                    = {i_data[`KN_U-1:0], {(32-`KN_U){i_u[`KN_U*k+`KN_U-1]}}, i_u[`KN_U*k +: `KN_U]};
+            if (i_word == k[3:0] + 4'd10)
+                {o_load[`KN_T*k +: `KN_T], o_node_word}
+                    = {i_data[`KN_T-1:0], {(32-`KN_T){i_load[`KN_T*k+`KN_T-1]}}, i_load[`KN_T*k +: `KN_T]};
         end
     end
     always @* begin
@@ -58,26 +53,15 @@ module knead_windows #(
         o_edge_word = 32'd0;
         case (i_word[2:0])
             3'd0: begin
-                o_edge[2*LOG_NODES-1:0] = {i_data[16 +: LOG_NODES], i_data[LOG_NODES-1:0]};
-                o_edge_word[LOG_NODES-1:0] = i_edge[LOG_NODES-1:0];
-                o_edge_word[16 +: LOG_NODES] = i_edge[2*LOG_NODES-1:LOG_NODES];
+                {o_edge[LOG_NODES-1:0], o_edge_word[LOG_NODES-1:0]} = {i_data[LOG_NODES-1:0], i_edge[LOG_NODES-1:0]};
+                {o_edge[LOG_NODES +: LOG_NODES], o_edge_word[16 +: LOG_NODES]}
+                    = {i_data[16 +: LOG_NODES], i_edge[LOG_NODES +: LOG_NODES]};
             end
-            3'd1: begin
-                o_edge[KV +: `KN_KV] = i_data[`KN_KV-1:0];
-                o_edge_word[`KN_KV-1:0] = i_edge[KV +: `KN_KV];
-            end
-            3'd2: begin
-                o_edge[IA +: `KN_IA] = i_data[`KN_IA-1:0];
-                o_edge_word[`KN_IA-1:0] = i_edge[IA +: `KN_IA];
-            end
-            3'd3: begin
-                o_h[31:0] = i_data;
-                o_edge_word = i_h[31:0];
-            end
-            3'd4: begin
-                o_h[`KN_H-1:32] = i_data[`KN_H-33:0];
-                o_edge_word = {{(64-`KN_H){i_h[`KN_H-1]}}, i_h[`KN_H-1:32]};
-            end
+            3'd1: {o_edge[KV +: `KN_KV], o_edge_word[`KN_KV-1:0]} = {i_data[`KN_KV-1:0], i_edge[KV +: `KN_KV]};
+            3'd2: {o_edge[IA +: `KN_IA], o_edge_word[`KN_IA-1:0]} = {i_data[`KN_IA-1:0], i_edge[IA +: `KN_IA]};
+            3'd3: {o_h[31:0], o_edge_word} = {i_data, i_h[31:0]};
+            3'd4: {o_h[`KN_H-1:32], o_edge_word}
+                = {i_data[`KN_H-33:0], {(64-`KN_H){i_h[`KN_H-1]}}, i_h[`KN_H-1:32]};
             default: ;
         endcase
     end
