@@ -18,7 +18,8 @@ module knead_accumulator #(
     input  wire [3*VALUE-1:0]   i_value,
     output wire [3*WIDTH-1:0]   o_sum
 );
-    reg write_r, take_r, forward_r;
+    reg write_r = 1'b0;
+    reg take_r, forward_r;
     reg [LOG_DEPTH-1:0] address_r;
     reg [3*VALUE-1:0] value_r;
     reg [3*WIDTH-1:0] written_r;
@@ -40,7 +41,6 @@ module knead_accumulator #(
         end
     endgenerate
 
-    initial write_r = 1'b0;
     // Stage 1 registers: what is to be written, and whether the next read meets the cell that is written now.
     always @(posedge clk) begin
         write_r <= i_add | i_take;

@@ -36,18 +36,8 @@ module knead_boundary #(
 );
     // The record: node and holds bit are read in step 1, the three values in steps 2 to 4.
     reg holds;
-    reg signed [31:0] value_x, value_y, value_z;
     assign o_list_address = {i_record, i_step[1:0]};
-    wire step_first = i_step == 4'd1;
-    always @(posedge clk) begin
-        if (step_first) begin
-            o_node <= i_list[LOG_NODES-1:0];
-            holds <= i_list[31];
-        end
-        if (i_step == 4'd2) value_x <= i_list;
-        if (i_step == 4'd3) value_y <= i_list;
-        if (i_step == 4'd4) value_z <= i_list;
-    end
+    always @(posedge clk) if (i_step == 4'd1) {holds, o_node} <= {i_list[31], i_list[LOG_NODES-1:0]};
 
     // The value is an added load of a free node, or the displacement of a held one; both saturate. Components that the
     // node's own `held` names stay where they are.
@@ -56,12 +46,13 @@ module knead_boundary #(
     generate
         for (k = 0; k < 3; k = k + 1) begin : g_component
             wire [`KN_T-1:0] old_load = i_load[k*`KN_T +: `KN_T];
-            wire signed [31:0] value = k == 0 ? value_x : k == 1 ? value_y : value_z;
-            wire signed [32:0] sum = $signed({value[31], value})
-                                   + $signed({{(33-`KN_T){old_load[`KN_T-1]}}, old_load});
+            reg signed [31:0] value;
+            always @(posedge clk) if (i_step == k[3:0] + 4'd2) value <= i_list;
+            wire signed [32:0] pushes = $signed({value[31], value})
+                                      + $signed({{(33-`KN_T){old_load[`KN_T-1]}}, old_load});
             wire signed [`KN_T-1:0] pushed;
             wire signed [`KN_U-1:0] moved;
-            knead_saturate #(33, `KN_T) saturate_load (.i_value(sum), .o_value(pushed), .o_over(over_load[k]));
+            knead_saturate #(33, `KN_T) saturate_load (.i_value(pushes), .o_value(pushed), .o_over(over_load[k]));
             knead_saturate #(32, `KN_U) saturate_u (.i_value(value), .o_value(moved), .o_over(over_u[k]));
             always @(posedge clk) begin
                 o_load[k*`KN_T +: `KN_T] <= holds ? old_load : pushed;
@@ -79,17 +70,11 @@ module knead_boundary #(
     // pushes.
     wire [3:0] word = i_step - 4'd6;
     wire [LOG_LIST+2:0] record = {3'd0, i_record};
-    reg [`KN_ACC-1:0] sum_word;
-    always @* begin
-        case (word[2:1])
-            2'd0: sum_word = i_reaction_sum[0 +: `KN_ACC];
-            2'd1: sum_word = i_reaction_sum[`KN_ACC +: `KN_ACC];
-            default: sum_word = i_reaction_sum[2*`KN_ACC +: `KN_ACC];
-        endcase
-    end
+    wire [`KN_ACC-1:0] sum = word[2:1] == 2'd0 ? i_reaction_sum[0 +: `KN_ACC]
+                           : word[2:1] == 2'd1 ? i_reaction_sum[`KN_ACC +: `KN_ACC]
+                           : i_reaction_sum[2*`KN_ACC +: `KN_ACC];
     assign o_result_write = i_reaction && i_step >= 4'd6;
     assign o_result_address = (record << 2) + (record << 1) + {{(LOG_LIST-1){1'b0}}, word};
-    assign o_result = !holds ? 32'd0 : word[0] ? {{28{sum_word[`KN_ACC-1]}}, sum_word[35:32]} : sum_word[31:0];
-    wire unused = &i_list[30:LOG_NODES];
+    assign o_result = !holds ? 32'd0 : word[0] ? {{28{sum[`KN_ACC-1]}}, sum[35:32]} : sum[31:0];
 endmodule
 `default_nettype wire

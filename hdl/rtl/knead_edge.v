@@ -26,9 +26,8 @@ module knead_edge (
     output reg                   o_sat_spring
 );
     localparam M = `KN_U + `KN_KV + 1; // width of g dl
-    reg [11:1] valid;
-    initial valid = 11'd0;
-    always @(posedge clk) valid <= {valid[10:1], i_valid};
+    reg [10:1] valid = 10'd0;
+    always @(posedge clk) valid <= {valid[9:1], i_valid};
 
     // +1 .. +4: dl = e.(u_j - u_i)
     wire [3*`KN_U-1:0] d_1;
@@ -114,6 +113,5 @@ module knead_edge (
         o_sat_tension <= valid[6] & over_t_6 | valid[8] & over_gap_8 & i_commit;
         o_sat_spring <= valid[10] & over_h_10 & i_commit;
     end
-    wire unused_valid = &{valid[11], valid[9], valid[7], valid[5], valid[3:2]};
 endmodule
 `default_nettype wire

@@ -29,9 +29,8 @@ module knead_node #(
     output reg                  o_sat_residual,
     output reg                  o_sat_reaction
 );
-    reg [10:1] iterate;
-    reg [3:1] commit;
-    initial {iterate, commit} = 13'd0;
+    reg [10:1] iterate = 10'd0;
+    reg [3:1] commit = 3'd0;
     always @(posedge clk) begin
         iterate <= {iterate[9:1], i_iterate};
         commit <= {commit[2:1], i_commit};
@@ -85,6 +84,5 @@ module knead_node #(
         o_sat_residual <= iterate[3] & |(over_r_3 & free_3);
         o_sat_u <= iterate[6] & |(over_z_6 & free_6) | iterate[10] & |(over_u_10 & free_10);
     end
-    wire unused = &{iterate[9:7], iterate[5:4]};
 endmodule
 `default_nettype wire

@@ -21,7 +21,7 @@ module knead_ratio (
 
     // +2: the 18 leading bits of |B|
     wire [5:0] top_1;
-    knead_top_bit #(`KN_B, 6) find_size (.i_value(size_1), .o_top(top_1));
+    knead_top_bit #(`KN_B) find_size (.i_value(size_1), .o_top(top_1));
     wire [`KN_B-1:0] leading_1 = size_1 << (6'd35 - top_1);
     reg [17:0] mantissa_2;
     reg [5:0] top_2;
@@ -45,7 +45,7 @@ module knead_ratio (
 
     // +4: the segment, and the fraction along it
     wire [5:0] place_3;
-    knead_top_bit #(35, 6) find_key (.i_value(key_3[34:0]), .o_top(place_3));
+    knead_top_bit #(35) find_key (.i_value(key_3[34:0]), .o_top(place_3));
     wire [34:0] fraction_3 = key_3[34:0] << (6'd34 - place_3);
     wire signed [8:0] octave_3 = $signed({3'd0, place_3}) + $signed({3'd0, top_3}) - 9'sd17
                                - $signed({{2{i_octave[6]}}, i_octave});

@@ -9,7 +9,7 @@ module knead_rsqrt (
 );
     // y: shift q left by an even number of bits
     wire [5:0] top;
-    knead_top_bit #(36, 6) find_top (.i_value(i_q), .o_top(top));
+    knead_top_bit #(36) find_top (.i_value(i_q), .o_top(top));
     wire [5:0] spare = 6'd35 - top;
     wire [5:0] n = {spare[5:1], 1'b0};
     reg [35:0] y_1;

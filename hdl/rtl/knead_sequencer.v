@@ -61,9 +61,7 @@ module knead_sequencer (
             `KN_PHASE_NODE_COMMIT: begin drain = 6'd`KN_CYCLES_NODE_COMMIT; next = `KN_PHASE_REACTION; end
             `KN_PHASE_REACTION: begin count = bounds; steps = 4'd`KN_CYCLES_REACTION; drain = 6'd0; end
             `KN_PHASE_REST_NODES: next = `KN_PHASE_REST_EDGES;
-            `KN_PHASE_REST_EDGES: begin
-                count = i_edge_count; next = crc_next ? `KN_PHASE_CRC : `KN_PHASE_IDLE;
-            end
+            `KN_PHASE_REST_EDGES: begin count = i_edge_count; next = crc_next ? `KN_PHASE_CRC : `KN_PHASE_IDLE; end
             default: ;
         endcase
     end
@@ -107,6 +105,5 @@ module knead_sequencer (
         if (o_phase == `KN_PHASE_SETUP) o_iteration <= 5'd0;
         else if (ends && o_phase == `KN_PHASE_NODE) o_iteration <= iteration_after[4:0];
     end
-    wire unused = pass_after[4];
 endmodule
 `default_nettype wire

@@ -35,9 +35,8 @@ module knead_setup (
     output reg                   o_sat_direction
 );
     localparam W = `KN_X + 3; // width of 2 (x_j - x_i) + u_j - u_i
-    reg [24:1] valid;
-    initial valid = 24'd0;
-    always @(posedge clk) valid <= {valid[23:1], i_valid};
+    reg [21:1] valid = 21'd0;
+    always @(posedge clk) valid <= {valid[20:1], i_valid};
 
     wire [3*`KN_U-1:0] du_1, du_16;
     wire over_du_1, over_dl_19;
@@ -161,6 +160,5 @@ module knead_setup (
         o_sat_tension <= valid[21] & over_b_21;
         o_sat_direction <= valid[3] & over_d_3;
     end
-    wire unused_valid = &{valid[24:22], valid[20], valid[18:4], valid[2]};
 endmodule
 `default_nettype wire

@@ -13,8 +13,7 @@ module knead_top_uart #(
     input  wire rx,
     output wire tx
 );
-    reg [4:0] begun;
-    initial begun = 5'd0;
+    reg [4:0] begun = 5'd0;
     always @(posedge clk) if (!begun[4]) begun <= begun + 5'd1;
     wire reset = rst | ~begun[4];
 
