@@ -103,7 +103,7 @@ static bool bound(golden *g, uint32_t at, uint32_t *word, bool write)
     uint32_t n = at / 4, w = at % 4;
     if (n >= g->bounds) return false;
     kn_fixed_bound *b = &g->bound[n];
-    if (write && w == 0 && (*word & 0xffff) >= g->nodes) return false;
+    if (write && w == 0 && (*word & 0x7fffffff) >= g->nodes) return false;
     if (!write) *word = w ? (uint32_t)b->value[w - 1] : b->node | (uint32_t)b->holds << 31;
     else if (w == 0) b->node = (uint16_t)*word, b->holds = *word >> 31;
     else b->value[w - 1] = (int32_t)*word;

@@ -112,7 +112,7 @@ module knead_registers #(
     wire [15:0] i_beyond = i_bus_wdata[15:0] >> LOG_NODES;
     wire [15:0] j_beyond = i_bus_wdata[31:16] >> LOG_NODES;
     wire edge_fits = i_bus_addr[2:0] != 3'd0 || (i_beyond | j_beyond) == 16'd0;
-    wire list_fits = i_bus_addr[1:0] != 2'd0 || i_beyond == 16'd0;
+    wire list_fits = i_bus_addr[1:0] != 2'd0 || (i_bus_wdata[30:0] >> LOG_NODES) == 31'd0;
     wire omega_fits = ~|i_bus_wdata[31:`KN_BITS_OMEGA];
 
     // Settings with which a step may run. A proof leaves sane free, since loading all settings takes too many clocks
