@@ -11,6 +11,7 @@
 //     control    normal          an operator's requests
 //     worker     normal          the requests that wait for the disk
 //     keeper     normal          snapshots
+//     circuit    normal          brings a lost circuit back into step (backend/fpga.h)
 //
 // The processor's modes flush-to-zero and denormals-are-zero stay off, because replay, tests and the circuit's twin
 // (the same computation on this processor) must get the same bits. The kernels of core avoid denormals by themselves.

@@ -1,8 +1,8 @@
 #include "server/backend/fpga.h"
 #include "server/backend/fpga_parts.h"
 #include "server/clock.h"
+#include "server/rt.h"
 #include <errno.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,7 +13,6 @@
 #define QUEUE_MOST 65536
 #define AGAIN_NS 20000000 // time between two attempts to find the circuit, ns
 #define LOOK_NS 100000
-#define STACK_BYTES (512 * 1024)
 #define LAST_NS 1000000000 // longest time to get in step once more when the server ends, ns
 #define TELL_TICKS 256     // number of ticks between two copies of the device's counters
 
@@ -533,18 +532,8 @@ static bool start(fpga *f)
 {
     kn_fpga_watch(f); // the twin calls begin and end around each of its ticks
     f->wake = eventfd(0, EFD_CLOEXEC);
-    if (f->wake < 0) return false;
-    pthread_attr_t attr;
-    sigset_t all, before;
-    pthread_attr_init(&attr);
-    pthread_attr_setstacksize(&attr, STACK_BYTES); // make the stack small, because all memory is locked
-    sigfillset(&all);
-    // block all signals in the new thread, because the main thread handles signals
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    f->runs = pthread_create(&f->thread, &attr, thread_main, f) == 0;
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    pthread_attr_destroy(&attr);
-    if (f->runs) pthread_setname_np(f->thread, "circuit");
+    f->runs = f->wake >= 0 &&
+              kn_rt_thread(&(kn_rt){0}, &f->thread, "circuit", KN_RT_NORMAL, KN_RT_CPU_ANY, thread_main, f) == 0;
     return f->runs;
 }
 
