@@ -45,7 +45,7 @@ static void tell(fpga *f)
     const char *why = kn_device_loss(f->device) == (kn_loss)loss ? kn_device_why(f->device) : "";
     // For the reason BEHIND, describe the queue, because its numbers explain more than the device's own message.
     if (loss == KN_LOSS_BEHIND) {
-        snprintf(numbers, sizeof numbers, "%lld ticks; loading takes %.1f s", (long long)atomic_load(&f->queue_length),
+        snprintf(numbers, sizeof numbers, "%lld ticks; loading takes %.1f s", (long long)f->queue.length,
                  1e-9 * (double)atomic_load(&f->load_ns));
         why = numbers;
     }
@@ -67,38 +67,20 @@ static size_t slot_bytes(const fpga *f)
     return sizeof(slot) + (size_t)f->bounds * (sizeof(kn_fixed_bound) + sizeof(int64_t[3]));
 }
 
-static void unmake(queue *q)
-{
-    free(q->memory);
-    *q = (queue){0};
-}
-
 // Allocate a queue and touch every page, so that the servo has no page fault.
-static bool make(fpga *f, queue *q, uint32_t length)
+static bool make(fpga *f, uint32_t length)
 {
     // One block holds the slots first, then the reactions and bounds of each slot.
     const size_t each = slot_bytes(f) - sizeof(slot), bytes = length * slot_bytes(f);
-    *q = (queue){length, NULL, aligned_alloc(64, (bytes + 63) / 64 * 64)};
-    if (!q->memory) return false;
-    memset(q->memory, 0, bytes);
-    q->slot = q->memory;
-    char *at = (char *)(q->slot + length);
-    for (uint32_t i = 0; i < length; i++, at += each) {
-        q->slot[i].reaction = (void *)at;
-        q->slot[i].bound = (void *)(at + (size_t)f->bounds * sizeof(int64_t[3]));
+    f->queue = (queue){length, aligned_alloc(64, (bytes + 63) / 64 * 64)};
+    if (!f->queue.slot) return false;
+    memset(f->queue.slot, 0, bytes);
+    char *at = (char *)(f->queue.slot + length);
+    for (slot *s = f->queue.slot; s < f->queue.slot + length; s++, at += each) {
+        s->reaction = (void *)at;
+        s->bound = (void *)(at + (size_t)f->bounds * sizeof(int64_t[3]));
     }
     return true;
-}
-
-// Return the length of the queue: 1.5 times the ticks that a load takes, rounded up to a power of two. The time of a
-// load is estimated from the bytes sent so far.
-static int64_t wanted(fpga *f)
-{
-    const int64_t load_ns = kn_device_load_ns(f->device, &f->model->fixed->image);
-    atomic_store(&f->load_ns, load_ns);
-    int64_t length = QUEUE_LEAST;
-    while (length < QUEUE_LEAST / 4 + load_ns / 1000000 * 3 / 2) length *= 2;
-    return length;
 }
 
 static slot *oldest(fpga *f) { return &f->queue.slot[atomic_load(&f->done) % f->queue.length]; }
@@ -147,6 +129,7 @@ static void tell_stats(fpga *f)
     atomic_store(&f->p50_ns, stats.p50_ns);
     atomic_store(&f->p99_ns, stats.p99_ns);
     atomic_store(&f->max_ns, stats.max_ns);
+    atomic_store(&f->load_ns, kn_device_load_ns(f->device, &f->model->fixed->image));
 }
 
 // Wake the thread that brings the circuit back. This is the only system call that the servo makes for the circuit's
@@ -237,12 +220,6 @@ static void take_copy(fpga *f)
 {
     if (!f->fits || atomic_load(&f->copy_is) != WANTED) return;
     kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
-    // No thread needs the queued ticks any more, so a longer queue can replace the present queue.
-    if (f->longer.length > 0) {
-        const queue shorter = f->queue;
-        f->queue = f->longer;
-        f->longer = shorter;
-    }
     atomic_store(&f->done, atomic_load(&f->made));
     atomic_store(&f->following, true);
     atomic_store(&f->copy_is, TAKEN);
@@ -337,17 +314,6 @@ static bool prepare(fpga *f)
     return status == KN_LINK_OK;
 }
 
-// Allocate a longer queue if a load takes more ticks than the present queue can hold. If there is no room, keep the
-// present queue; the circuit then falls behind and is reported as BEHIND.
-static void lengthen(fpga *f)
-{
-    const int64_t length = wanted(f);
-    unmake(&f->longer);
-    if (length <= f->queue.length || length > QUEUE_MOST || (size_t)length * slot_bytes(f) > f->room) return;
-    if (!make(f, &f->longer, (uint32_t)length)) return;
-    atomic_store(&f->queue_length, length);
-}
-
 // Load the copy of the state into the circuit, as long as ticks are queued for the circuit.
 static bool load(fpga *f)
 {
@@ -399,11 +365,9 @@ static bool get_in_step(fpga *f)
     kn_device_be_patient(f->device, true);
     distrust(f);
     if (!identify(f) || !prepare(f)) return false;
-    lengthen(f);
     // Ask the servo for a copy and wait until it has taken one; ticks are queued from that moment on.
     atomic_store(&f->copy_is, WANTED);
     while (!atomic_load(&f->stop) && atomic_load(&f->copy_is) == WANTED) kn_clock_sleep(kn_now_ns() + LOOK_NS);
-    unmake(&f->longer);
     if (load(f) && catch_up(f)) {
         kn_device_be_patient(f->device, false);
         return true;
@@ -454,8 +418,7 @@ static void fpga_destroy(void *self)
     if (f->twin.destroy) f->twin.destroy(f->twin.self);
     free(f->copy_memory);
     kn_offload_close(f);
-    unmake(&f->queue);
-    unmake(&f->longer);
+    free(f->queue.slot);
     free(f);
 }
 
@@ -468,26 +431,27 @@ static kn_link_status shape(fpga *f)
     return prepare(f) ? KN_LINK_OK : KN_LINK_PROTOCOL;
 }
 
-// Allocate the queue, or report why it cannot be as long as the link requires.
-static bool allocate(fpga *f, const char *uri, char why[KN_LINK_WHY])
+// Allocate the queue, 1.5 times the ticks that a load takes, or report why it cannot be as long as the link requires.
+static bool allocate(fpga *f, size_t room, const char *uri, char why[KN_LINK_WHY])
 {
-    const int64_t length = wanted(f);
-    const double load_s = 1e-9 * (double)atomic_load(&f->load_ns);
+    tell_stats(f);
+    const int64_t load_ns = atomic_load(&f->load_ns);
+    int64_t length = QUEUE_LEAST;
+    while (length < QUEUE_LEAST / 4 + load_ns / 1000000 * 3 / 2) length *= 2;
     const size_t bytes = (size_t)length * slot_bytes(f);
-    if (length > QUEUE_MOST || bytes > f->room) {
+    if (length > QUEUE_MOST || bytes > room) {
         snprintf(
             why, KN_LINK_WHY,
             "%.100s: loading takes %.1f s, which needs a queue of %lld ticks, %zu MiB: expected at most %d ticks and "
             "%zu MiB, with a faster link or fewer nodes",
-            uri, load_s, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, f->room >> 20);
+            uri, 1e-9 * (double)load_ns, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, room >> 20);
         return false;
     }
-    atomic_store(&f->queue_length, length);
-    return make(f, &f->queue, (uint32_t)length);
+    return make(f, (uint32_t)length);
 }
 
 // Open the circuit, and load the present state of the object into it.
-static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device)
+static bool attach(fpga *f, const char *uri, size_t room, char why[KN_LINK_WHY], bool *device)
 {
     f->device = kn_device_open(uri, why);
     *device = true;
@@ -506,7 +470,7 @@ static bool attach(fpga *f, const char *uri, char why[KN_LINK_WHY], bool *device
         return false;
     }
     if (status == KN_LINK_OK) {
-        if (!allocate(f, uri, why)) return *device = false;
+        if (!allocate(f, room, uri, why)) return *device = false;
         kn_fixed_read(f->model, f->twin.state(f->twin.self), &f->copy);
         atomic_store(&f->following, true);
         bool loaded = load(f);
@@ -549,7 +513,6 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     fpga *f = calloc(1, sizeof *f);
     if (!f) return false;
     f->model = model;
-    f->room = room;
     f->wake = -1;
     f->told = KN_LOSS_COUNT;
     f->fits = true;
@@ -559,7 +522,7 @@ bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri
     f->bounds = model->node_count < KN_FIXED_LIST_MAX ? model->node_count : KN_FIXED_LIST_MAX;
     f->copy_memory = aligned_alloc(64, kn_fixed_bytes(&model->fixed->image));
     if (f->copy_memory) kn_fixed_init(&f->copy, &model->fixed->image, f->copy_memory);
-    bool fits = kn_backend_cpu(&f->twin, model) && f->copy_memory && attach(f, uri, why, device);
+    bool fits = kn_backend_cpu(&f->twin, model) && f->copy_memory && attach(f, uri, room, why, device);
     if (!fits || !start(f)) {
         fpga_destroy(f);
         return false;
@@ -612,7 +575,7 @@ bool kn_backend_fpga_counts(const kn_backend *backend, kn_fpga_counts *counts)
                                .losses = atomic_load(&f->losses),
                                .different = atomic_load(&f->different),
                                .loads = atomic_load(&f->loads),
-                               .queue = atomic_load(&f->queue_length),
+                               .queue = f->queue.length,
                                .load_ns = atomic_load(&f->load_ns),
                                .in_step = atomic_load(&f->speaker) == SERVO,
                                .behind = atomic_load(&f->following),

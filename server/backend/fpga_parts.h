@@ -25,7 +25,6 @@ typedef struct slot { // one tick of the twin that the circuit still has to comp
 typedef struct queue {
     uint32_t length; // number of slots, a power of two, so that the counts may wrap
     slot *slot;      // [length] the queued ticks
-    void *memory;
 } queue;
 
 enum { SERVO, THREAD }; // thread that uses the device at present
@@ -59,10 +58,8 @@ typedef struct fpga {
     kn_backend twin;
     const kn_model *model;
     kn_device *device;
-    // `longer`: a longer queue made by the thread, until the servo adopts it together with a copy of the state
-    queue queue, longer;
-    size_t room; // largest size of a queue, bytes
-    int bounds;  // number of bounds (nodes under tools) that a slot can hold
+    queue queue;
+    int bounds; // number of bounds (nodes under tools) that a slot can hold
     // `made`: number of ticks queued by the servo; `done`: number removed by the thread that uses the device
     _Atomic uint32_t made, done;
     slot *current; // slot of the present tick; NULL: the present tick is not queued
@@ -80,7 +77,7 @@ typedef struct fpga {
     pthread_t thread;
     bool runs;
     _Atomic int64_t on_circuit, shadowed, losses, different, loads;
-    _Atomic int64_t queue_length, load_ns;
+    _Atomic int64_t load_ns;
     _Atomic int64_t because[KN_LOSS_COUNT];
     // `out`: reason (kn_loss) why the circuit is out of step, KN_LOSS_COUNT: in step; `last`: the latest such reason
     atomic_int out, last;
