@@ -202,7 +202,8 @@ static kn_link_status accept_moves(kn_device *d, const uint32_t *words)
                tale[1], d->tick, d->seq);
         return lose(d, KN_LOSS_SEQ_GAP, KN_LINK_PROTOCOL);
     }
-    for (int i = 0; i < 3 * d->words; i++) d->moves[3 * d->position + i] = (int32_t)wide(words[i], 0, KN_FIXED_U);
+    int32_t *moves = d->into;
+    for (int i = 0; i < 3 * d->words; i++) moves[3 * d->position + i] = (int32_t)wide(words[i], 0, KN_FIXED_U);
     d->position += d->words;
     if (d->position == d->nodes) d->job = IDLE;
     return KN_LINK_OK;
@@ -212,6 +213,7 @@ static kn_link_status accept_moves(kn_device *d, const uint32_t *words)
 // checksum at the end.
 static kn_link_status accept_read(kn_device *d, const uint32_t *words)
 {
+    kn_fixed *into = d->into;
     if (d->position < 0) {
         kn_link_status status = accept_crc(d, words);
         if (status != KN_LINK_OK) return status;
@@ -221,16 +223,16 @@ static kn_link_status accept_read(kn_device *d, const uint32_t *words)
     }
     for (int end = d->position + d->words; d->position < end; d->position++) {
         int at = d->position, edge = at - d->nodes;
-        if (edge >= 0) d->into->h[edge] = wide(words[0], words[1], KN_FIXED_H);
+        if (edge >= 0) into->h[edge] = wide(words[0], words[1], KN_FIXED_H);
         for (int k = 0; k < 3 && edge < 0; k++) {
-            d->into->x[3 * at + k] = wide(words[2 * k], words[2 * k + 1], KN_FIXED_X);
-            d->into->u[3 * at + k] = (int32_t)wide(words[7 + k], 0, KN_FIXED_U);
+            into->x[3 * at + k] = wide(words[2 * k], words[2 * k + 1], KN_FIXED_X);
+            into->u[3 * at + k] = (int32_t)wide(words[7 + k], 0, KN_FIXED_U);
         }
         words += edge >= 0 ? 2 : 10;
     }
     if (d->position < d->nodes + d->edges) return KN_LINK_OK;
     d->job = IDLE;
-    if (kn_fixed_crc(d->into) == d->crc) return KN_LINK_OK;
+    if (kn_fixed_crc(into) == d->crc) return KN_LINK_OK;
     return refuse(d, KN_LINK_PROTOCOL, "%s: the state that was read does not match its STATE_CRC", d->uri);
 }
 
@@ -372,18 +374,22 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
     return d;
 }
 
-// Close the link, and add its counters to those of the device.
+// Add the counters of the open link to a sum.
+static void add_counts(const kn_device *d, kn_link_counts *sum)
+{
+    kn_link_counts now = {0};
+    if (d->linked) d->link.count(d->link.self, &now);
+    sum->sent += now.sent;
+    sum->received += now.received;
+    sum->crc += now.crc;
+    sum->coding += now.coding;
+    sum->stray += now.stray;
+}
+
 static void shut(kn_device *d)
 {
-    kn_link_counts now;
-    if (!d->linked) return;
-    d->link.count(d->link.self, &now);
-    d->stats.link.sent += now.sent;
-    d->stats.link.received += now.received;
-    d->stats.link.crc += now.crc;
-    d->stats.link.coding += now.coding;
-    d->stats.link.stray += now.stray;
-    d->link.close(d->link.self);
+    add_counts(d, &d->stats.link);
+    if (d->linked) d->link.close(d->link.self);
     d->linked = false;
 }
 
@@ -445,9 +451,8 @@ static uint32_t crc_of(const kn_fixed_image *image)
     return (uint32_t)crc32(crc, (const Bytef *)image->edge, (uInt)((size_t)c->edge_count * sizeof *image->edge));
 }
 
-// Load the shape and, if state is not NULL, the state. The same call with the same arguments continues a job that was
-// late.
-static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
+// The same call with the same arguments continues a job that was late.
+kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
 {
     if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
     if (d->state == KN_DEVICE_CLOSED || d->state == KN_DEVICE_LOST)
@@ -473,16 +478,6 @@ static kn_link_status load(kn_device *d, const kn_fixed_image *image, const kn_f
     d->state = KN_DEVICE_LOADING;
     begin(d, LOAD, 0);
     return drive(d, deadline_ns);
-}
-
-kn_link_status kn_device_prepare(kn_device *d, const kn_fixed_image *image, int64_t deadline_ns)
-{
-    return load(d, image, NULL, deadline_ns);
-}
-
-kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
-{
-    return load(d, image, state, deadline_ns);
 }
 
 int64_t kn_device_load_ns(const kn_device *d, const kn_fixed_image *image)
@@ -527,35 +522,32 @@ kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_resul
     return status;
 }
 
-kn_link_status kn_device_moves(kn_device *d, int32_t *u, int64_t deadline_ns)
+// Read from the circuit between two ticks. The same call continues a job that was late.
+static kn_link_status fetch(kn_device *d, job next, int position, void *into, int64_t deadline_ns)
 {
-    if (d->job != MOVES || d->moves != u) {
+    if (d->job != next || d->into != into) {
         if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a loaded circuit between two ticks", d->uri);
-        d->moves = u;
-        begin(d, MOVES, 0);
+        d->into = into;
+        begin(d, next, position);
     }
     return drive(d, deadline_ns);
 }
 
+kn_link_status kn_device_moves(kn_device *d, int32_t *u, int64_t deadline_ns)
+{
+    return fetch(d, MOVES, 0, u, deadline_ns);
+}
+
 kn_link_status kn_device_crc(kn_device *d, int64_t deadline_ns, uint32_t *crc)
 {
-    if (d->job != CRC) {
-        if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a loaded circuit between two ticks", d->uri);
-        begin(d, CRC, 0);
-    }
-    kn_link_status status = drive(d, deadline_ns);
+    kn_link_status status = fetch(d, CRC, 0, NULL, deadline_ns);
     if (status == KN_LINK_OK) *crc = d->crc;
     return status;
 }
 
 kn_link_status kn_device_read(kn_device *d, kn_fixed *into, int64_t deadline_ns)
 {
-    if (d->job != READ || d->into != into) {
-        if (!ready(d)) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a loaded circuit between two ticks", d->uri);
-        d->into = into;
-        begin(d, READ, -1);
-    }
-    return drive(d, deadline_ns);
+    return fetch(d, READ, -1, into, deadline_ns);
 }
 
 bool kn_device_gone(kn_device *d)
@@ -567,14 +559,8 @@ bool kn_device_gone(kn_device *d)
 
 void kn_device_stats_of(const kn_device *d, kn_device_stats *stats)
 {
-    kn_link_counts now = {0};
-    if (d->linked) d->link.count(d->link.self, &now);
     *stats = d->stats;
-    stats->link.sent += now.sent;
-    stats->link.received += now.received;
-    stats->link.crc += now.crc;
-    stats->link.coding += now.coding;
-    stats->link.stray += now.stray;
+    add_counts(d, &stats->link);
     stats->p50_ns = quantile(d, 0.50);
     stats->p99_ns = quantile(d, 0.99);
 }

@@ -56,8 +56,7 @@ struct kn_device {
     bool arrived;                // true if the circuit has all of the state `from`, according to its register STATE_CRC
     int64_t load_bytes, load_ns; // total number of bytes of all loads, in both directions, and their total time
     bool patient;
-    kn_fixed *into;
-    int32_t *moves;
+    void *into; // READ: a kn_fixed; MOVES: displacements
     uint32_t crc;
 
     kn_device_stats stats;

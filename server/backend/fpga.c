@@ -309,7 +309,7 @@ static bool prepare(fpga *f)
 {
     kn_link_status status = KN_LINK_LATE;
     while (!atomic_load(&f->stop) && status == KN_LINK_LATE)
-        status = kn_device_prepare(f->device, &f->model->fixed->image, kn_now_ns() + KN_FPGA_ANSWER_NS);
+        status = kn_device_load(f->device, &f->model->fixed->image, NULL, kn_now_ns() + KN_FPGA_ANSWER_NS);
     if (status != KN_LINK_OK && status != KN_LINK_LATE) blame(f, kn_fpga_cause(f, status));
     return status == KN_LINK_OK;
 }

@@ -49,13 +49,11 @@ typedef struct kn_link_counts {
 } kn_link_counts;
 
 typedef struct kn_link {
-    const char *name; // "uart", "pty", "pcie", "shm"
-    kn_shadow shadow; // option ?shadow
-    bool goes_on;     // option ?lost=go-on
-    int64_t miss_ns;  // time until an unanswered request is sent again (option ?miss), ns
-    int64_t byte_ns;  // time of one byte on the serial line, ns; 0: the link is no serial line
-    // True if the repetition limit of a WAIT applies; otherwise a WAIT repeats its read until the request is dropped.
-    bool device_waits;
+    const char *name;   // "uart", "pty", "pcie", "shm"
+    kn_shadow shadow;   // option ?shadow
+    bool goes_on;       // option ?lost=go-on
+    int64_t miss_ns;    // time until an unanswered request is sent again (option ?miss), ns
+    int64_t byte_ns;    // time of one byte on the serial line, ns; 0: the link is no serial line
     bool isolated;      // true: opened by vfio-pci; kn_link_open then never opens this card by sysfs
     const char *notice; // one line on what this way to the card costs; NULL: none
     void *self;

@@ -235,7 +235,6 @@ bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, 
     if (baud) hurry(fd, path, sysfs);
     *link = (kn_link){.name = baud ? "uart" : "pty",
                       .byte_ns = baud ? 10000000000 / baud : 0,
-                      .device_waits = true,
                       .self = u,
                       .submit = submit,
                       .wait = wait_reply,
