@@ -12,6 +12,7 @@
 #include "clients/tactile/vendor.h"
 #include "core/scene/keys.h"
 #include "core/scene/units.h"
+#include "server/backend/link.h"
 #include "server/clock.h"
 #include "server/option_table.h"
 #include <errno.h>
@@ -167,7 +168,13 @@ static const char *take_basis(void *basis, const char *text)
 
 static const char *take_baud(void *baud, const char *text)
 {
-    return kn_paddle_baud_known(*(int *)baud = atoi(text)) ? NULL : KN_PADDLE_BAUDS;
+    char why[KN_LINK_WHY];
+    const int rate = *(int *)baud = atoi(text);
+    // at least 230400, so that the line can carry 1000 frames per second in both directions
+    return rate >= 230400 && kn_link_is_baud(rate, why) ? NULL
+                                                        : "230400, 460800, 500000, 576000, 921600, 1000000, 1152000, "
+                                                          "1500000, 2000000, 2500000, 3000000, 3500000 "
+                                                          "or 4000000";
 }
 
 static const char *take_preset(void *preset, const char *text)
@@ -243,7 +250,7 @@ static int parse(hand_options *o, int argc, char **argv)
 {
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
     // Set the defaults. Fields that stay 0 get their value from the scene or from the driver.
-    *o = (hand_options){.baud = KN_PADDLE_BAUD, .puck.turn_rad_s = 1.0, .preset = KN_HAPLY_PRESET};
+    *o = (hand_options){.baud = 500000, .puck.turn_rad_s = 1.0, .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     int code = kn_options_read(&table, o, argc, argv);
     if (code == KN_OPTIONS_READ) code = device(o, argc - optind, argv + optind);

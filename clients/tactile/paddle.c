@@ -1,24 +1,15 @@
 #include "clients/tactile/paddle.h"
-#include "server/clock.h"
+#include "server/backend/link.h"
 #include <errno.h>
-#include <fcntl.h>
-#include <linux/serial.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/ioctl.h>
-#include <termios.h>
 #include <unistd.h>
 
 // Largest number of bytes that may wait in the serial line when a command is sent. With more waiting bytes, the command
 // would reach the motor too late.
 static const int waiting_most = 2 * KN_PADDLE_FRAME_SIZE;
 static const int off_most_ms = 100; // longest time in which a paddle may refuse the force that it is given
-
-bool kn_paddle_baud_known(int baud)
-{
-    struct termios t = {0};
-    return baud >= 230400 && cfsetspeed(&t, (speed_t)baud) == 0;
-}
 
 // Pass a state frame to the bridge as a pose, and describe the state of the paddle in words for the user.
 static void take(kn_paddle *p, const kn_paddle_frame *f)
@@ -65,38 +56,15 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
     if (newest.kind) take(p, &newest);
 }
 
-// Set the line to raw 8N1 without flow control, with low latency. Return false if this fails; errno then has the
-// reason.
-static bool setup(int fd, int baud)
-{
-    struct termios t;
-    if (tcgetattr(fd, &t) != 0) return false;
-    cfmakeraw(&t);
-    // Clear HUPCL, which would reset many boards whenever a program closes the line.
-    t.c_cflag &= (tcflag_t) ~(CSTOPB | PARENB | CRTSCTS | HUPCL);
-    t.c_cflag |= CS8 | CLOCAL | CREAD;
-    if (cfsetspeed(&t, (speed_t)baud) != 0 || tcsetattr(fd, TCSANOW, &t) != 0) return false;
-    // Request low latency, because USB adapters otherwise collect bytes for up to 16 ms. Ignore a failure: a line that
-    // rejects the request does not collect bytes.
-    struct serial_struct line;
-    if (ioctl(fd, TIOCGSERIAL, &line) == 0) {
-        line.flags = (int)((unsigned)line.flags | ASYNC_LOW_LATENCY);
-        ioctl(fd, TIOCSSERIAL, &line);
-    }
-    return tcflush(fd, TCIOFLUSH) == 0;
-}
-
 static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size_t error_size)
 {
     kn_paddle *p = (kn_paddle *)device;
     p->bridge = bridge;
-    p->fd = open(p->tty, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    // TIOCEXCL: no second program may open the line while this program drives the motor.
-    if (p->fd < 0 || ioctl(p->fd, TIOCEXCL) != 0 || !setup(p->fd, p->baud)) {
+    p->fd = kn_link_line(p->tty, p->baud, "/sys");
+    if (p->fd < 0) {
         snprintf(error, error_size, "%s: %s%s; knead devices lists the serial lines", p->tty,
                  errno == ENOTTY ? "no serial line" : strerror(errno),
                  errno == EACCES ? ", join the group dialout" : "");
-        if (p->fd >= 0) close(p->fd);
         return false;
     }
     p->deframer.count = 0;
@@ -141,6 +109,5 @@ void kn_paddle_init(kn_paddle *p, const char *tty, int baud, bool unwatched)
                      .tty = tty,
                      .baud = baud,
                      .unwatched = unwatched,
-                     .fd = -1,
                      .deframer.kind = KN_PADDLE_FRAME_STATE};
 }

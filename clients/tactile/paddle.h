@@ -6,11 +6,6 @@
 #include "clients/tactile/bridge.h"
 #include "clients/tactile/paddle_frame.h"
 
-// Default baud rate, and the list of accepted rates as a text for error messages.
-#define KN_PADDLE_BAUD 500000
-#define KN_PADDLE_BAUDS                                                                                                \
-    "230400, 460800, 500000, 576000, 921600, 1000000, 1152000, 1500000, 2000000, 2500000, 3000000, 3500000 or 4000000"
-
 typedef struct kn_paddle {
     kn_tactile base;
     const char *tty;
@@ -28,9 +23,6 @@ typedef struct kn_paddle {
     // Number of force commands that were not sent, because older commands still waited in the serial line.
     int64_t held_back;
 } kn_paddle;
-
-// Return true if `baud` is an accepted rate. An accepted rate can carry 1000 frames per second in both directions.
-bool kn_paddle_baud_known(int baud);
 
 // Prepare the driver without opening the line. tty: the text must outlive the driver. unwatched: give force without a
 // test of the paddle's own watchdog.

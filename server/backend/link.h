@@ -75,14 +75,18 @@ bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
 // `sysfs`: path of sysfs, normally "/sys".
 bool kn_link_open(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
 
+bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // return true if a serial line can have this baud rate
+// Open a serial line for this process alone, in raw mode, and let its USB adapter pass on each byte at once. `baud` 0: a
+// pseudo-terminal, which has no baud rate. Return its descriptor, or -1 with errno set: EBUSY, another program has it;
+// ENOTTY, it is no serial line.
+int kn_link_line(const char *path, int baud, const char *sysfs);
+
 bool kn_link_is_function(const char *s); // return true for the address of a PCI function, DDDD:BB:DD.F
 // Put the last part of a link in the folder of a PCI function into `value`: "vfio-pci" for `driver`, "7" for
 // `iommu_group`. Return false if there is no such link.
 bool kn_link_card(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD]);
 
 // ---- private: one function per transport; path and options have been checked
-bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // return true if a serial line can have this baud rate
-// `baud` 0: a pseudo-terminal, which has no baud rate.
 bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY]);
 bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char why[KN_LINK_WHY]);
 bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY]);

@@ -166,8 +166,8 @@ bool kn_link_is_baud(int baud, char why[KN_LINK_WHY])
     return false;
 }
 
-// Set the line to raw mode: eight bits, no flow control, no modem lines. VMIN is 1, because with VMIN 0 an empty line
-// and a hang-up could not be distinguished.
+// Set the line to raw mode: eight bits, no flow control, no modem lines (HUPCL resets many boards when a program closes
+// the line). VMIN is 1, because with VMIN 0 an empty line and a hang-up could not be distinguished.
 static bool make_raw(int fd, int baud)
 {
     struct termios t;
@@ -199,40 +199,35 @@ static void hurry(int fd, const char *path, const char *sysfs)
     close(timer);
 }
 
-// Lock the line for this process, set it to raw mode and drop old input.
-static bool take_line(uart *u, const char *path, int baud, char why[KN_LINK_WHY])
+int kn_link_line(const char *path, int baud, const char *sysfs)
 {
-    if (flock(u->fd, LOCK_EX | LOCK_NB)) {
-        snprintf(why, KN_LINK_WHY, "%s: in use by another program", path);
-        return false;
+    const int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0) return -1;
+    const bool ours = flock(fd, LOCK_EX | LOCK_NB) == 0;
+    // The kernel does not lock a pseudo-terminal: the program at its other end keeps it open, so this lock would outlive
+    // this process.
+    if (ours && make_raw(fd, baud) && (!baud || ioctl(fd, TIOCEXCL) == 0)) {
+        if (baud) hurry(fd, path, sysfs);
+        tcflush(fd, TCIOFLUSH);
+        return fd;
     }
-    if (!make_raw(u->fd, baud)) {
-        snprintf(why, KN_LINK_WHY, "%s: %s: expected a serial line", path, strerror(errno));
-        return false;
-    }
-    // Do not lock a pseudo-terminal: the program at its other end keeps it open, so the lock would outlive this
-    // process.
-    if (baud) ioctl(u->fd, TIOCEXCL);
-    tcflush(u->fd, TCIOFLUSH);
-    return true;
+    const int why = ours ? errno : EBUSY;
+    close(fd);
+    errno = why;
+    return -1;
 }
 
 bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY])
 {
-    int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    if (fd < 0) {
-        snprintf(why, KN_LINK_WHY, "%s: %s", path, strerror(errno));
-        return false;
-    }
     uart *u = calloc(1, sizeof *u);
-    if (u) u->fd = fd;
-    if (!u || !take_line(u, path, baud, why)) {
-        if (!u) snprintf(why, KN_LINK_WHY, "%s: not enough memory", path);
-        close(fd);
+    if (!u || (u->fd = kn_link_line(path, baud, sysfs)) < 0) {
+        snprintf(why, KN_LINK_WHY, "%s: %s", path,
+                 errno == EBUSY    ? "in use by another program"
+                 : errno == ENOTTY ? "expected a serial line"
+                                   : strerror(errno));
         free(u);
         return false;
     }
-    if (baud) hurry(fd, path, sysfs);
     *link = (kn_link){.name = baud ? "uart" : "pty",
                       .byte_ns = baud ? 10000000000 / baud : 0,
                       .self = u,
