@@ -161,20 +161,14 @@ static int bits_of(uint32_t address)
     }
 }
 
-// Return the number of clock cycles that the circuit would need for a tick.
-static uint32_t clocks(const golden *g)
-{
-    const kn_fixed_config *c = &g->image.config;
-    return kn_engine_clocks((uint32_t)c->node_count, (uint32_t)c->edge_count, g->bound_count, (uint32_t)c->passes,
-                            (uint32_t)c->iterations);
-}
-
 // Step one tick. The register CYCLES gets the number of clock cycles that the circuit would need.
 static void tick(golden *g)
 {
+    const kn_fixed_config *c = &g->image.config;
     kn_fixed_tick(&g->fixed, g->bound, (int)g->bound_count, g->reaction, &g->result);
     g->tick++;
-    g->cycles = clocks(g);
+    g->cycles = kn_engine_clocks((uint32_t)c->node_count, (uint32_t)c->edge_count, g->bound_count, (uint32_t)c->passes,
+                                 (uint32_t)c->iterations);
     if (g->cycles > g->cycles_max) g->cycles_max = g->cycles;
 }
 

@@ -16,9 +16,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-// Polling of the doorbell: without sleep until SPIN_NS after the last request, then with sleeps of NAP_US until
-// AWAKE_NS, then with sleeps of SLEEP_US.
-enum { SPIN_NS = 50000, AWAKE_NS = 1000000000, NAP_US = 20, SLEEP_US = 2000 };
+// Polling of the doorbell: without sleep until SPIN_NS after the last request, then with sleeps of NAP_NS until
+// AWAKE_NS, then with sleeps of SLEEP_NS.
+enum { SPIN_NS = 50000, AWAKE_NS = 1000000000, NAP_NS = 20000, SLEEP_NS = 2000000 };
 
 typedef struct bar {
     kn_simdev *simdev;
@@ -52,19 +52,20 @@ static void push_registers(bar *b)
     if (b->simdev->faults.rate[KN_LINK_FAULT_HASH] > 0) b->word[KN_REG_BUILD_HASH] ^= 1;
 }
 
-// Copy the whole object from the file into the engine.
-static void pull_image(bar *b)
-{
-    pull(b, KN_REG_NODE_COUNT, KN_REG_RELAX - KN_REG_NODE_COUNT + 1);
-    pull(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
-    pull(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
-    pull(b, KN_WINDOW_NODES, 16 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
-    pull(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
-    pull(b, KN_WINDOW_EDGES, 8 * (b->word[KN_REG_EDGE_COUNT] & 0xfffff));
-}
-
 static uint32_t nodes(const bar *b) { return b->word[KN_REG_NODE_COUNT] & 0x1ffff; }
 static uint32_t edges(const bar *b) { return b->word[KN_REG_EDGE_COUNT] & 0xfffff; }
+static uint32_t bounds(const bar *b) { return b->word[KN_REG_BOUND_COUNT] & KN_FIXED_LIST_MAX; }
+
+// Copy the whole object: `pull` it into the engine, or `push` it into the file.
+static void copy_image(bar *b, void (*copy)(bar *b, uint32_t from, uint32_t count))
+{
+    copy(b, KN_REG_NODE_COUNT, KN_REG_RELAX - KN_REG_NODE_COUNT + 1);
+    copy(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
+    copy(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
+    copy(b, KN_WINDOW_NODES, 16 * nodes(b));
+    copy(b, KN_WINDOW_REST, 8 * nodes(b));
+    copy(b, KN_WINDOW_EDGES, 8 * edges(b));
+}
 
 // Copy what a tick changes: x and u of every node, h of every edge.
 static void push_state(bar *b)
@@ -72,14 +73,6 @@ static void push_state(bar *b)
     for (uint32_t n = 0; n < nodes(b); n++) push(b, KN_WINDOW_NODES + 16 * n, 10);
     for (uint32_t e = 0; e < edges(b); e++) push(b, KN_WINDOW_EDGES + 8 * e + 3, 2);
 }
-
-// Copy the displacement of every node, three words.
-static void push_moves(bar *b)
-{
-    for (uint32_t n = 0; n < nodes(b); n++) push(b, KN_WINDOW_NODES + 16 * n + 7, 3);
-}
-
-static uint32_t bounds(const bar *b) { return b->word[KN_REG_BOUND_COUNT] & KN_FIXED_LIST_MAX; }
 
 // Step one tick that no host has requested. Publish its number before its results. A host that reads first the results
 // and then the number notices that the results are not those of the tick it requested.
@@ -102,7 +95,7 @@ static void obey(bar *b, uint32_t address, uint32_t word)
     const kn_word_bus *bus = &b->simdev->engine.bus;
     b->simdev->requests++;
     pull(b, KN_REG_SCRATCH, 1);
-    if (address == KN_REG_CONTROL && word & KN_CONTROL_LOADED) pull_image(b);
+    if (address == KN_REG_CONTROL && word & KN_CONTROL_LOADED) copy_image(b, pull);
     if (address == KN_REG_STEP_SEQ) {
         pull(b, KN_REG_BOUND_COUNT, 1);
         pull(b, KN_WINDOW_BOUNDS, 4 * bounds(b));
@@ -112,7 +105,7 @@ static void obey(bar *b, uint32_t address, uint32_t word)
     if (address == KN_REG_CONTROL && word & (KN_CONTROL_CRC | KN_CONTROL_REST)) push_state(b);
     if (address == KN_REG_STEP_SEQ) {
         push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
-        push_moves(b);
+        for (uint32_t n = 0; n < nodes(b); n++) push(b, KN_WINDOW_NODES + 16 * n + 7, 3); // displacements
     }
     push_registers(b);
 }
@@ -133,12 +126,8 @@ static bool make_file(bar *b)
     b->shm = kn_shm_of(at);
     push_registers(b);
     // The engine may hold an object, because its memory survives the fault `disconnect`.
-    push(b, KN_REG_NODE_COUNT, KN_REG_BOUND_COUNT - KN_REG_NODE_COUNT + 1);
-    push(b, KN_REG_OMEGA, KN_FIXED_ITERATIONS_MAX);
-    push(b, KN_WINDOW_TABLE, KN_FIXED_SEGMENTS + 1);
-    push(b, KN_WINDOW_REST, 8 * (b->word[KN_REG_NODE_COUNT] & 0x1ffff));
-    push(b, KN_WINDOW_NODES, 16 * nodes(b));
-    push(b, KN_WINDOW_EDGES, 8 * edges(b));
+    copy_image(b, push);
+    push(b, KN_REG_BOUND_COUNT, 1);
     push(b, KN_WINDOW_BOUNDS, 4 * bounds(b));
     push(b, KN_WINDOW_REACTIONS, 6 * bounds(b));
     return rename(fresh, b->path) == 0;
@@ -179,7 +168,7 @@ static bool suffer(bar *b, bool *unplugged)
     if (blanked) b->word[KN_REG_SCRATCH] = b->word[KN_REG_NODE_COUNT] = b->word[KN_REG_EDGE_COUNT] = 0;
     if (!*unplugged) return true;
     drop_file(b);
-    kn_simdev_sleep_us(5000);
+    kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
     return make_file(b);
 }
 
@@ -190,7 +179,7 @@ static bool listen_once(bar *b, int64_t *heard_ns)
     uint32_t done = b->shm->done, bell = __atomic_load_n(&b->shm->bell, __ATOMIC_ACQUIRE);
     if (bell == done) {
         int64_t quiet_ns = kn_now_ns() - *heard_ns;
-        if (quiet_ns > SPIN_NS) kn_simdev_sleep_us(quiet_ns < AWAKE_NS ? NAP_US : SLEEP_US);
+        if (quiet_ns > SPIN_NS) kn_clock_sleep(kn_now_ns() + (quiet_ns < AWAKE_NS ? NAP_NS : SLEEP_NS));
         return true;
     }
     bool unplugged;

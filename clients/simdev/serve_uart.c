@@ -173,7 +173,7 @@ static bool suffer(line *l, bool *unplugged)
     *unplugged = kn_simdev_suffer(l->simdev, &blanked);
     if (!*unplugged) return true;
     plug_out(l);
-    kn_simdev_sleep_us(5000);
+    kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
     return plug_in(l, false);
 }
 

@@ -2,10 +2,10 @@
 // request.
 #include "clients/simdev/simdev.h"
 #include "hdl/registers.h"
+#include "server/clock.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 // Name of each fault on the command line, and whether the fault applies to frames only.
 static const struct {
@@ -75,8 +75,6 @@ size_t kn_link_faults_mangle(kn_link_faults *faults, uint8_t *wire, size_t size)
     return size;
 }
 
-void kn_simdev_sleep_us(uint32_t us) { nanosleep(&(struct timespec){0, 1000L * (long)us}, NULL); }
-
 void kn_simdev_run_out(const kn_engine *e)
 {
     for (uint32_t status; e->bus.read(e->bus.self, KN_REG_STATUS, &status) && status & KN_STATUS_BUSY;) continue;
@@ -85,8 +83,8 @@ void kn_simdev_run_out(const kn_engine *e)
 bool kn_simdev_suffer(kn_simdev *s, bool *blanked)
 {
     if (kn_link_faults_strike(&s->faults, KN_LINK_FAULT_DELAY))
-        kn_simdev_sleep_us(1000 + random_below(&s->faults, 3000));
-    if (kn_link_faults_strike(&s->faults, KN_LINK_FAULT_HANG)) kn_simdev_sleep_us(20000);
+        kn_clock_sleep(kn_now_ns() + 1000000 + random_below(&s->faults, 3000000));
+    if (kn_link_faults_strike(&s->faults, KN_LINK_FAULT_HANG)) kn_clock_sleep(kn_now_ns() + 20000000);
     *blanked = kn_link_faults_strike(&s->faults, KN_LINK_FAULT_BLANK);
     if (*blanked) s->engine.blank(s->engine.bus.self);
     return kn_link_faults_strike(&s->faults, KN_LINK_FAULT_DISCONNECT);
