@@ -181,7 +181,6 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
     d->position += d->words;
     if (d->position < d->count) return KN_LINK_OK;
     d->result = (kn_device_result){.tick = tale[0],
-                                   .cycles = tale[2],
                                    .flags = tale[7],
                                    .count = d->count,
                                    .residual = (int64_t)((uint64_t)tale[6] << 32 | tale[5]),
@@ -436,8 +435,8 @@ static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
 // at most once per clock cycle.
 static uint16_t limit_of(const kn_fixed_config *c)
 {
-    int64_t n = c->node_count, e = c->edge_count, o = c->passes, k = c->iterations;
-    int64_t clocks = o * (e + 4 * n + 128) + o * k * (e + n + 128) + 2 * e + 4 * n + 64 * KN_FIXED_LIST_MAX;
+    const uint32_t clocks = kn_engine_clocks((uint32_t)c->node_count, (uint32_t)c->edge_count, KN_FIXED_LIST_MAX,
+                                             (uint32_t)c->passes, (uint32_t)c->iterations);
     return (uint16_t)(clocks / 256 < 65535 ? clocks / 256 + 1 : 65535);
 }
 

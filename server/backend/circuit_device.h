@@ -41,7 +41,6 @@ typedef struct kn_device_caps {
 
 typedef struct kn_device_result { // result of one tick
     uint32_t tick;                // number of the tick since the state was loaded; the first tick is 1
-    uint32_t cycles;              // clock cycles of the circuit that the tick took
     uint32_t flags;               // KN_FIXED_SAT_* bits set since the state was loaded
     int64_t residual;             // residual of the step, in the circuit's force unit phi
     int count;

@@ -13,7 +13,7 @@ static void put(uint8_t *to, uint32_t value, int bytes)
     for (int i = 0; i < bytes; i++) to[i] = (uint8_t)(value >> 8 * i);
 }
 
-static uint32_t get(const uint8_t *from, int bytes)
+uint32_t kn_framer_number(const uint8_t *from, int bytes)
 {
     uint32_t value = 0;
     for (int i = 0; i < bytes; i++) value |= (uint32_t)from[i] << 8 * i;
@@ -78,7 +78,8 @@ static size_t judge(kn_framer *f)
     if (f->size > sizeof f->bytes) counter = &f->length;
     else if (f->left > 0 || f->hollow) counter = &f->cobs;
     else if (f->size <= CHECKSUM) counter = &f->length;
-    else if ((uint32_t)crc32(0, f->bytes, (uInt)payload) != get(f->bytes + payload, CHECKSUM)) counter = &f->crc;
+    else if ((uint32_t)crc32(0, f->bytes, (uInt)payload) != kn_framer_number(f->bytes + payload, CHECKSUM))
+        counter = &f->crc;
     ++*counter;
     return counter == &f->frames ? payload : 0;
 }
@@ -163,12 +164,12 @@ bool kn_request_wait(kn_request *request, uint32_t address, uint32_t mask, uint3
 bool kn_reply_parse(kn_reply *reply, const kn_request *request, const uint8_t *payload, size_t size)
 {
     if (size < HEAD || (size - HEAD) % 4 || size > KN_FRAMER_PAYLOAD || payload[TAG] > KN_REPLY_TIMEOUT) return false;
-    reply->tag = (uint16_t)get(payload, TAG);
+    reply->tag = (uint16_t)kn_framer_number(payload, TAG);
     reply->status = (kn_reply_status)payload[TAG];
     reply->count = (uint16_t)((size - HEAD) / 4);
-    for (int i = 0; i < reply->count; i++) reply->words[i] = get(payload + HEAD + 4 * i, 4);
+    for (int i = 0; i < reply->count; i++) reply->words[i] = kn_framer_number(payload + HEAD + 4 * i, 4);
     // A reply to an older request has another tag.
-    return reply->tag == get(request->bytes, TAG) &&
+    return reply->tag == kn_framer_number(request->bytes, TAG) &&
            (reply->status == KN_REPLY_OK ? reply->count == request->words : reply->count <= request->words);
 }
 
@@ -186,7 +187,7 @@ typedef struct execution {
 static uint32_t take(execution *e, int bytes)
 {
     e->at += bytes;
-    return get(e->at - bytes, bytes);
+    return kn_framer_number(e->at - bytes, bytes);
 }
 
 static void answer(execution *e, uint32_t word) { put(e->reply + HEAD + 4 * e->words++, word, 4); }

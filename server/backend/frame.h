@@ -26,6 +26,8 @@
 // above KN_FRAMER_PAYLOAD.
 size_t kn_framer_encode(const uint8_t *payload, size_t size, uint8_t wire[KN_FRAMER_WIRE]);
 
+uint32_t kn_framer_number(const uint8_t *from, int bytes); // return a little-endian number of 1 to 4 bytes
+
 // A receiver, ready when zeroed. A faulty frame is dropped whole and counted once, under the first fault that it has:
 // length (more than 1028 bytes after decoding); cobs (it ended within a block, or has an empty block behind a full one,
 // which is refused so that a string of bytes has only one frame); length (fewer than 5); crc. A 0x00 behind a 0x00 has

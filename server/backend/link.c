@@ -1,6 +1,7 @@
 #include "server/backend/link.h"
+#include "core/scene/keys.h"
+#include "server/option_table.h"
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { BAUD = 3000000 };
@@ -20,36 +21,29 @@ const char *kn_link_words(kn_link_status status)
 }
 
 typedef struct options {
-    int baud; // baud rate of the serial line; 0: not given in the URI
-    double miss_ms;
-    int shadow, lost; // indices of their words, -1: not given
+    double baud, miss_ms; // 0: not given in the URI
+    int shadow, lost;     // indices of their words, -1: not given
 } options;
 
-static const char *const shadows[] = {"full", "checked", "off", NULL}, *const losts[] = {"stop", "go-on", NULL};
-
-// Set *index to that of the word. Return false if it is none of the words.
-static bool choose(const char *word, const char *const words[], int *index)
+// Return false at an unknown or repeated key or a value out of range.
+static bool take_option(const char *key, const char *value, options *o)
 {
-    for (*index = 0; words[*index]; ++*index)
-        if (strcmp(word, words[*index]) == 0) return true;
+    if (strcmp(key, "baud") == 0 && o->baud == 0) return kn_number_take(value, 1, 1e8, &o->baud);
+    if (strcmp(key, "miss") == 0 && o->miss_ms == 0) return kn_number_take(value, 0.1, 60000, &o->miss_ms);
+    if (strcmp(key, "shadow") == 0 && o->shadow < 0) return (o->shadow = kn_choice_of("full|checked|off", value)) >= 0;
+    if (strcmp(key, "lost") == 0 && o->lost < 0) return (o->lost = kn_choice_of("stop|go-on", value)) >= 0;
     return false;
 }
 
-// Parse "KEY=VALUE&...", the text behind a '?'. Return false at an unknown or repeated key or a value out of range.
+// Parse "KEY=VALUE&...", the text behind a '?'.
 static bool parse_options(char *text, options *o)
 {
     for (char *next, *key = text; key && *key; key = next) {
         if ((next = strchr(key, '&'))) *next++ = 0;
-        char *value = strchr(key, '='), *end = NULL;
+        char *value = strchr(key, '=');
         if (!value) return false;
         *value++ = 0;
-        if (strcmp(key, "shadow") == 0 && o->shadow < 0 && choose(value, shadows, &o->shadow)) continue;
-        if (strcmp(key, "lost") == 0 && o->lost < 0 && choose(value, losts, &o->lost)) continue;
-        double number = strtod(value, &end);
-        if (end == value || *end) return false;
-        if (strcmp(key, "baud") == 0 && !o->baud && number >= 1 && number <= 1e8) o->baud = (int)number;
-        else if (strcmp(key, "miss") == 0 && o->miss_ms == 0 && number >= 0.1 && number <= 60000) o->miss_ms = number;
-        else return false;
+        if (!take_option(key, value, o)) return false;
     }
     return true;
 }
@@ -69,7 +63,7 @@ static bool is_name(const char *s) { return *s && *s != '.' && strlen(s) < 200 &
 static bool open_parsed(kn_link *link, const char *scheme, const char *where, const options *o, const char *sysfs,
                         char why[KN_LINK_WHY])
 {
-    if (strcmp(scheme, "uart") == 0) return kn_link_uart(link, where, o->baud ? o->baud : BAUD, sysfs, why);
+    if (strcmp(scheme, "uart") == 0) return kn_link_uart(link, where, o->baud > 0 ? (int)o->baud : BAUD, sysfs, why);
     if (strcmp(scheme, "pty") == 0) return kn_link_uart(link, where, 0, sysfs, why);
     if (strcmp(scheme, "pcie") == 0) return kn_link_pcie(link, where, sysfs, why);
     return kn_link_shm(link, where, why);
@@ -79,7 +73,7 @@ static bool open_parsed(kn_link *link, const char *scheme, const char *where, co
 static bool good(const char *scheme, const char *where, const options *o)
 {
     if (strcmp(scheme, "uart") == 0) return *where == '/';
-    if (o->baud) return false;
+    if (o->baud > 0) return false;
     if (strcmp(scheme, "pty") == 0) return *where == '/';
     if (strcmp(scheme, "pcie") == 0) return kn_link_is_function(where);
     return strcmp(scheme, "shm") == 0 && is_name(where);
@@ -98,7 +92,7 @@ static const char *parse(const char *uri, char text[KN_LINK_URI], options *o, ch
     if (where) *where++ = 0;
     if (query) *query++ = 0;
     if (where && parse_options(query, o) && good(text, where, o) && (o->shadow > 0 || o->lost < 0))
-        return o->baud == 0 || kn_link_is_baud(o->baud, why) ? where : NULL;
+        return o->baud == 0 || kn_link_is_baud((int)o->baud, why) ? where : NULL;
     snprintf(why, KN_LINK_WHY, "%.100s: expected %s", uri, expected);
     return NULL;
 }

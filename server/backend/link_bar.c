@@ -147,13 +147,6 @@ static bool put(bar *b, uint32_t address, uint32_t word)
 
 // ---- operations
 
-static uint32_t number(const uint8_t *from, int bytes)
-{
-    uint32_t value = 0;
-    for (int i = 0; i < bytes; i++) value |= (uint32_t)from[i] << 8 * i;
-    return value;
-}
-
 // Answer with a bus error and skip the rest of the request.
 static kn_link_status refuse(bar *b)
 {
@@ -175,7 +168,7 @@ static kn_link_status write_words(bar *b, const uint8_t *words, uint32_t address
 {
     if (address + count > b->words) return refuse(b);
     for (; b->done < count; b->done++)
-        if (!put(b, address + (uint32_t)b->done, number(words + 4 * b->done, 4))) return KN_LINK_LATE;
+        if (!put(b, address + (uint32_t)b->done, kn_framer_number(words + 4 * b->done, 4))) return KN_LINK_LATE;
     b->done = 0;
     b->at += 5 + 4 * (size_t)count;
     return KN_LINK_OK;
@@ -185,7 +178,7 @@ static kn_link_status wait_word(bar *b, const uint8_t *operation, uint32_t addre
 {
     if (address >= b->words) return refuse(b);
     uint32_t word = get(b, address);
-    if ((word & number(operation + 3, 4)) != number(operation + 7, 4)) return KN_LINK_LATE;
+    if ((word & kn_framer_number(operation + 3, 4)) != kn_framer_number(operation + 7, 4)) return KN_LINK_LATE;
     b->reply.words[b->reply.count++] = word;
     b->at += 14;
     return KN_LINK_OK;
@@ -198,7 +191,7 @@ static kn_link_status advance(bar *b)
     kn_link_status status = KN_LINK_OK;
     while (status == KN_LINK_OK && b->at < b->request.size) {
         const uint8_t *operation = b->request.bytes + b->at + 1;
-        uint32_t address = number(operation, 3), what = operation[-1];
+        uint32_t address = kn_framer_number(operation, 3), what = operation[-1];
         if (what == READ) status = read_words(b, address, operation[3]);
         else if (what == WRITE) status = write_words(b, operation + 4, address, operation[3]);
         else status = wait_word(b, operation, address);
@@ -223,7 +216,7 @@ static kn_link_status submit(void *self, const kn_request *request)
     bar *b = self;
     if (removed(b)) return KN_LINK_GONE;
     b->request = *request;
-    b->reply = (kn_reply){.tag = (uint16_t)number(request->bytes, 2)};
+    b->reply = (kn_reply){.tag = (uint16_t)kn_framer_number(request->bytes, 2)};
     b->asked = true;
     b->ones = false;
     b->at = 2;
