@@ -151,7 +151,6 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     send_pose(b, &pose);
     b->last = pose;
     memcpy(b->now.position_m, pose.position_m, sizeof pose.position_m);
-    b->now.buttons = pose.buttons;
     // With the local model, compute and give the force for this pose at once. Exception: a device that sends a pose
     // only as an answer to a force gets its force in the next tick.
     if (!t->render.def.local || b->device->answers) return;
@@ -389,8 +388,6 @@ const kn_bridge_news *kn_bridge_latest(kn_bridge *b)
     bool fresh;
     return kn_mailbox_latest(&b->news, &fresh);
 }
-
-int kn_bridge_priority_error(const kn_bridge *b) { return b->priority_error; }
 
 void kn_bridge_stop(kn_bridge *b)
 {

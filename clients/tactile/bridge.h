@@ -101,12 +101,12 @@ typedef struct kn_bridge_news {
     kn_own_watchdog watchdog;
     const char *untrusted; // reason of KN_OWN_MISSING
     double position_m[3];  // position of the tool, in the scene's coordinates
-    int32_t buttons;
 } kn_bridge_news;
 
 struct kn_bridge {
     struct ev_loop *ev;
-    bool lost; // kn_bridge_lost was called: the device will be closed within 1 ms
+    bool lost;          // kn_bridge_lost was called: the device will be closed within 1 ms
+    int priority_error; // errno with which the system refused the real-time priority; 0: it did not
     // The fields below are used by bridge.c only.
     kn_tactile *device;
     const char *url;
@@ -127,7 +127,6 @@ struct kn_bridge {
     bool open;     // the device is open, although it may not have given a pose yet
     bool heard;    // true: a force of this session has arrived, but the device has not got it yet
     bool answered; // true: the driver's function `give` was called since the last tick
-    int priority_error;
     sem_t ready;
     atomic_bool up;
     pthread_t thread;
@@ -147,8 +146,6 @@ typedef struct kn_bridge_def {
 bool kn_bridge_start(kn_bridge *bridge, const kn_bridge_def *def, kn_tactile *device, char *error, size_t error_size);
 // Return the newest state of the bridge. It is valid until the next call of this function.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *bridge);
-// If the system has refused the real-time priority, return the errno of the refusal. Otherwise return 0.
-int kn_bridge_priority_error(const kn_bridge *bridge);
 // Set the motors to zero force, close the device and end the thread.
 void kn_bridge_stop(kn_bridge *bridge);
 

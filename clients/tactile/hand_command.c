@@ -11,7 +11,6 @@
 #include "clients/tactile/spacenav.h"
 #include "clients/tactile/vendor.h"
 #include "core/scene/keys.h"
-#include "core/scene/units.h"
 #include "server/backend/link.h"
 #include "server/clock.h"
 #include "server/option_table.h"
@@ -124,20 +123,9 @@ static const char help[] =
 
 #define DEVICES "paddle, spacenav, haply, forcedimension or touch"
 
-// Read a quantity and convert it to the unit `unit_text`. If the text has no unit, assume the unit *otherwise; if
-// `otherwise` is NULL, return false instead. Store the unit of the text, or the assumed unit, in *said.
-static bool quantity(const char *text, const char *unit_text, const kn_unit *otherwise, kn_unit *said, double *value)
+static bool read_length(const char *text, double *value_m)
 {
-    kn_unit unit;
-    kn_quantity q;
-    char why[128];
-    if (!kn_unit_parse(&unit, unit_text, why, sizeof why)) return false;
-    if (!kn_quantity_parse(&q, text, why, sizeof why)) return false;
-    if (q.bare && otherwise) q.unit = *otherwise, q.bare = false;
-    if (q.bare || !kn_unit_same_dimension(&q.unit, &unit)) return false;
-    *said = q.unit;
-    *value = kn_quantity_in(&q, &unit);
-    return isfinite(*value);
+    return kn_quantity_read(text, "m", false, -DBL_MAX, DBL_MAX, value_m);
 }
 
 // Read three lengths. The last length must have a unit. This unit also applies to the other two lengths if they have
@@ -145,12 +133,16 @@ static bool quantity(const char *text, const char *unit_text, const kn_unit *oth
 static const char *take_origin(void *options, const char *text)
 {
     hand_options *o = options;
-    char part[3][48];
-    kn_unit unit, said;
+    char part[3][48], one[60];
+    double *x = o->origin_m, unit_m = 0.0;
     o->origin = text;
     bool ok = sscanf(text, "%47[^,],%47[^,],%47[^,]", part[0], part[1], part[2]) == 3;
-    ok = ok && quantity(part[2], "m", NULL, &unit, &o->origin_m[2]);
-    for (int i = 0; ok && i < 2; i++) ok = quantity(part[i], "m", &unit, &said, &o->origin_m[i]);
+    snprintf(one, sizeof one, "1 %s", ok ? part[2] + strspn(part[2], " +-.0123456789eE") : "");
+    ok = ok && read_length(part[2], &x[2]) && read_length(one, &unit_m);
+    for (int i = 0; ok && i < 2; i++) {
+        if (kn_quantity_read(part[i], "", true, -DBL_MAX, DBL_MAX, &x[i])) x[i] *= unit_m;
+        else ok = read_length(part[i], &x[i]);
+    }
     return ok ? NULL : "three lengths like '0,0,6 cm'";
 }
 
@@ -299,14 +291,6 @@ typedef struct hand {
     told told;
 } hand;
 
-static volatile sig_atomic_t interrupted;
-
-static void on_signal(int number)
-{
-    (void)number;
-    interrupted = 1;
-}
-
 static int complain(int code, const char *what) { return kn_complain("hand", code, "%s", what); }
 
 // Set up the output stage from the scene's `device:` and the tool. Options of the command line take precedence.
@@ -362,7 +346,7 @@ static int look_at_scene(hand *h)
     if (!kn_live_server_open(&live, h->opt.lcm_url, h->opt.mesh_url, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);
     for (int64_t end_ms = kn_live_server_now_ms() + scene_wait_ms;
-         !live.scene && kn_live_server_now_ms() < end_ms && !interrupted;)
+         !live.scene && kn_live_server_now_ms() < end_ms && !kn_interrupted;)
         kn_live_server_listen(&live, look_ms);
     int code = live.scene          ? use_scene(h, live.scene)
                : *live.scene_error ? complain(KN_EXIT_USAGE, live.scene_error)
@@ -485,7 +469,7 @@ static int watch(hand *h)
     bool follow = !h->opt.quiet && isatty(STDOUT_FILENO);
     int64_t begin_ms = kn_live_server_now_ms(), now_ms = begin_ms;
     h->told.answer_ms = begin_ms;
-    while (!interrupted && (h->opt.seconds == 0.0 || 1e-3 * (double)(now_ms - begin_ms) < h->opt.seconds)) {
+    while (!kn_interrupted && (h->opt.seconds == 0.0 || 1e-3 * (double)(now_ms - begin_ms) < h->opt.seconds)) {
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_server_now_ms();
@@ -522,9 +506,9 @@ static int run(hand *h)
     def.session = 1 + ((int64_t)random << 20);
     if (!kn_bridge_start(&h->bridge, &def, &h->device.base, h->error, sizeof h->error))
         return complain(KN_EXIT_DEVICE, h->error);
-    if (kn_bridge_priority_error(&h->bridge))
+    if (h->bridge.priority_error)
         fprintf(stderr, "knead hand: no real-time priority (%s): poses and forces may be late\n",
-                strerror(kn_bridge_priority_error(&h->bridge)));
+                strerror(h->bridge.priority_error));
     printf("knead hand: %s on probe %s as device %s, its zero at %g, %g, %g mm, force at most %g N; untested on "
            "hardware\n",
            h->device.base.name, h->probe, d->name, 1e3 * d->position_m[0], 1e3 * d->position_m[1],
@@ -538,17 +522,15 @@ static int run(hand *h)
 
 int kn_hand_main(int argc, char **argv)
 {
-    struct sigaction stop = {.sa_handler = on_signal};
     hand *h = calloc(1, sizeof *h);
     if (!h) return complain(KN_EXIT_INTERNAL, "out of memory");
     int code = parse(&h->opt, argc, argv);
     if (code == KN_OPTIONS_READ) {
         // Ignore SIGPIPE, which libspnav and sockets raise when a device is gone. The bridge handles the loss.
         signal(SIGPIPE, SIG_IGN);
-        sigaction(SIGINT, &stop, NULL);
-        sigaction(SIGTERM, &stop, NULL);
+        kn_interrupt_watch();
         code = look_at_scene(h);
-        if (code == KN_EXIT_OK && !interrupted) code = run(h);
+        if (code == KN_EXIT_OK && !kn_interrupted) code = run(h);
     }
     free(h);
     return code;

@@ -1,20 +1,13 @@
 #ifndef KN_CLIENTS_PADDLE_FRAME_H
 #define KN_CLIENTS_PADDLE_FRAME_H
 // Frames between a serial paddle and its computer. A frame has 20 bytes, little endian, and the same layout in both
-// directions. README.md of this folder has a drawing and specifies a paddle's firmware.
-//
-//     0      2      3       4     6             10             14          18    20
-//     | K  N | kind | flags | seq | position_nm | velocity_um_s | force_un | CRC |
+// directions. README.md of this folder draws it, and specifies a paddle's firmware.
 //
 // The numbers are integers instead of floats for two reasons. A microcontroller without a floating-point unit can
 // compute them from its encoder's counts, and no bit pattern is a NaN. position_nm has a resolution of 1 nm, finer than
 // any encoder, and a range of +-2.1 m. Frames of both directions have the same length, so that one decoder serves both.
-//
-// The CRC is CRC-16/CCITT-FALSE (polynomial 0x1021, begins with 0xffff, "123456789" gives 0x29b1) over the first 18
-// bytes.
-//
-// Bytes outside a frame are skipped. After a wrong CRC, the search for K N resumes one byte after the last K N, inside
-// the bytes already read. So a valid frame that follows garbage is never lost.
+// A valid frame that follows garbage is never lost, because the search for the next K N resumes inside the bytes already
+// read.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
