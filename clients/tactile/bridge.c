@@ -166,14 +166,7 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     kn_bridge *b = self;
     knead_contact_force_t f;
     if (knead_contact_force_t_decode(buf->data, 0, (int)buf->data_size, &f) < 0) return;
-    kn_device_session_force force = {.session = f.session,
-                                     .seq = f.seq,
-                                     .tick = f.tick,
-                                     .flags = f.flags,
-                                     .fault = f.fault,
-                                     .age_s = 1e-9 * (double)(kn_now_ns() - f.sent_ns)};
-    memcpy(force.force_n, f.force_n, sizeof force.force_n); // kneadd has already applied force_scale
-    b->heard |= kn_device_session_take(&b->now.session, &force);
+    b->heard |= kn_device_session_take(&b->now.session, &f, 1e-9 * (double)(kn_now_ns() - f.sent_ns));
 }
 
 // Update the local model with a contact message.
@@ -242,12 +235,7 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
     if (!b->open && (b->retry_ms -= elapsed_ms) <= 0) open_device(b);
 
     // Post the bridge's state for other threads. The mailbox never blocks this thread.
-    b->now.messages = d->messages;
-    b->now.bad = d->bad;
-    b->now.lost = d->lost;
-    b->now.watchdog = d->watchdog;
-    memcpy(b->now.bad_why, d->why, sizeof d->why);
-    memcpy(b->now.state, d->state, sizeof d->state);
+    b->now.device = *d;
     *(kn_bridge_news *)kn_mailbox_back(&b->news) = b->now;
     kn_mailbox_post(&b->news);
 }

@@ -16,7 +16,6 @@
 // kn_bridge_news for other threads.
 #include "clients/hand/bus_client.h"
 #include "clients/tactile/device_session.h"
-#include "proto/knead_contact_force_t.h"
 #include "proto/knead_probe_pose_t.h"
 #include "server/mailbox.h"
 #include <ev.h>
@@ -93,12 +92,9 @@ typedef struct kn_bridge_news {
     // arrivals: number of openings after which the device has given a pose. losses: number of times that the device was
     // lost after its first pose.
     int64_t arrivals, losses;
-    char why[160]; // reason why the device was last lost
-    // messages, bad, lost: counters of the driver, see kn_tactile. late: number of periods of 1 ms that the timer has
-    // missed.
-    int64_t messages, bad, lost, late;
-    char bad_why[96], state[96];
-    kn_own_watchdog watchdog;
+    char why[160];         // reason why the device was last lost
+    int64_t late;          // number of periods of 1 ms that the timer has missed
+    kn_tactile device;     // copy of the driver's counters and states
     const char *untrusted; // reason of KN_OWN_MISSING
     double position_m[3];  // position of the tool, in the scene's coordinates
 } kn_bridge_news;

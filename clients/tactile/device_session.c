@@ -53,7 +53,7 @@ bool kn_device_session_pose(kn_device_session *t, const double position_m[3], co
     return true;
 }
 
-bool kn_device_session_take(kn_device_session *t, const kn_device_session_force *force)
+bool kn_device_session_take(kn_device_session *t, const knead_contact_force_t *force, double age_s)
 {
     // Refuse a force of another session. While the mode is SILENT, refuse every force.
     if (force->session != t->session || t->mode == KN_SESSION_SILENT) {
@@ -69,7 +69,7 @@ bool kn_device_session_take(kn_device_session *t, const kn_device_session_force 
     // Measure the round trip only with the first answer to each pose. Further answers to the pose come in later ticks,
     // so their age is more than the round trip.
     bool first = force->seq > t->answered && force->seq <= t->seq;
-    if (!kn_haptic_render_force(&t->render, force->force_n, first ? force->age_s : -1.0)) {
+    if (!kn_haptic_render_force(&t->render, force->force_n, first ? age_s : -1.0)) {
         t->refused++; // a refused force does not reset the watchdog
         return false;
     }

@@ -18,6 +18,7 @@
 // To recover, the client follows kneadd's rule: it sends nothing until its session has ended (1.2 s), then it begins a
 // new session. The new session starts from zero force, with the tool clear of the object.
 #include "clients/hand/haptic_render.h"
+#include "proto/knead_contact_force_t.h"
 
 // HELD: poses and forces flow. SILENT: no pose is sent and no force is given, until the session has ended.
 typedef enum kn_device_session_mode { KN_SESSION_HELD, KN_SESSION_SILENT } kn_device_session_mode;
@@ -59,16 +60,9 @@ void kn_device_session_init(kn_device_session *link, int64_t session, const kn_h
 // ignored pose does not reset the watchdog.
 bool kn_device_session_pose(kn_device_session *link, const double position_m[3], const double velocity_m_s[3]);
 
-typedef struct kn_device_session_force { // force message of kneadd (fields of a contact_force_t)
-    int64_t session, seq, tick;
-    // force_n: force in the scene's axes. age_s: time since the pose that this force answers was sent.
-    double force_n[3], age_s;
-    int32_t flags, fault;
-} kn_device_session_force;
-
-// Take a force message. Return true if the force belongs to this session and has a newer tick. Only accepted forces
-// reset the watchdog over kneadd's forces.
-bool kn_device_session_take(kn_device_session *link, const kn_device_session_force *force);
+// Take a force message. age_s: time since the pose that this force answers was sent. Return true if the force belongs to
+// this session and has a newer tick. Only accepted forces reset the watchdog over kneadd's forces.
+bool kn_device_session_take(kn_device_session *link, const knead_contact_force_t *force, double age_s);
 
 // Compute render.given_n. now_s: present time of any steady clock, s. Call this function after every force; with the
 // local model, call it after every pose instead.

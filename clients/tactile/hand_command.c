@@ -365,8 +365,8 @@ static void tell_device(told *t, const kn_bridge_news *n, const char *name, int6
     if (n->losses > last->losses)
         fprintf(stderr, "knead hand: %s lost: %s; the force is 0 N; retrying twice a second\n", name, n->why);
     if (n->arrivals > last->arrivals && last->arrivals > 0) fprintf(stderr, "knead hand: %s is back\n", name);
-    if (n->bad <= last->bad || (last->bad > 0 && now_ms - t->bad_ms < bad_ms)) return;
-    fprintf(stderr, "knead hand: %s: %s\n", name, n->bad_why);
+    if (n->device.bad <= last->device.bad || (last->device.bad > 0 && now_ms - t->bad_ms < bad_ms)) return;
+    fprintf(stderr, "knead hand: %s: %s\n", name, n->device.why);
     t->bad_ms = now_ms;
 }
 
@@ -419,7 +419,7 @@ static void tell_session(told *t, const kn_bridge_news *n, const char *name, int
             r->foreign > t->foreign ? "another client holds the tool"
             : n->there              ? kn_bus_client_why("is kneadd running, and does it serve this probe?")
             : *n->why               ? n->why
-            : *n->state             ? n->state
+            : *n->device.state      ? n->device.state
                                     : "the device has not sent a position yet");
 }
 
@@ -434,7 +434,7 @@ static void tell_tool(const kn_bridge_news *n)
            : n->session.flags & KN_FLAG_REENGAGE_LIFT       ? "lift the tool"
            : n->session.flags & KN_FLAG_ENGAGED
                ? n->session.render.def.local ? "in the model, local force" : "in the model"
-               : n->state);
+               : n->device.state);
     fflush(stdout);
 }
 
@@ -457,8 +457,8 @@ static void summarise(const kn_bridge_news *n, const char *name, bool motors)
            t->forces.trips, t->poses.trips, t->faults, t->foreign);
     printf("knead hand: %s: %" PRId64 " messages, bad %" PRId64 ", missing %" PRId64 "; device found %" PRId64
            " times, lost %" PRId64 " times; timer late by %" PRId64 " ms in all%s%s%s%s\n",
-           name, n->messages, n->bad, n->lost, n->arrivals, n->losses, n->late,
-           *n->bad_why ? "; last bad message: " : "", n->bad_why, *n->state ? "; " : "", n->state);
+           name, n->device.messages, n->device.bad, n->device.lost, n->arrivals, n->losses, n->late,
+           *n->device.why ? "; last bad message: " : "", n->device.why, *n->device.state ? "; " : "", n->device.state);
 }
 
 // Report changes of the bridge's state until the end. If the test of the device's own watchdog has failed, return
@@ -474,7 +474,7 @@ static int watch(hand *h)
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_server_now_ms();
         // It is not safe to continue after the test of the device's own watchdog has failed.
-        if (n->watchdog == KN_OWN_MISSING)
+        if (n->device.watchdog == KN_OWN_MISSING)
             return kn_complain("hand", KN_EXIT_DEVICE, "%s: %s; --no-watchdog gives force without this test", name,
                                n->untrusted);
         tell_session(&h->told, n, name, now_ms);

@@ -501,10 +501,9 @@ static bool start(fpga *f)
     return f->runs;
 }
 
-bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, size_t room, char why[KN_LINK_WHY],
-                     bool *device)
+static bool create(kn_backend *backend, const kn_model *model, const char *uri, size_t room, char why[KN_LINK_WHY],
+                   bool *device)
 {
-    *device = false;
     snprintf(why, KN_LINK_WHY, "not enough memory");
     if (kn_backend_steps(model->def.solver.dt_s) != 1) {
         snprintf(why, KN_LINK_WHY, "a circuit takes one step a tick: expected solver.dt 1 ms");
@@ -558,7 +557,7 @@ bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *ur
     if (at_leisure && !strstr(uri, "miss=") &&
         snprintf(patient, sizeof patient, "%s%cmiss=500", uri, strchr(uri, '?') ? '&' : '?') < (int)sizeof patient)
         uri = patient;
-    return kn_backend_fpga(backend, model, uri, room, why, device);
+    return create(backend, model, uri, room, why, device);
 }
 
 // Return the backend as an fpga; NULL if it is another one.

@@ -56,15 +56,11 @@ typedef struct kn_fpga_counts {
     const char *notice;             // one line on what the link costs (link.h); NULL: none
 } kn_fpga_counts;
 
-// Open the device (URIs: see link.h), identify and load it. Borrows `model`, which must use the solver KN_SOLVER_FIXED
-// with steps of 1 ms. `room`: number of bytes that the queue of ticks may take; all of them are touched here. On
-// failure put one line in `why`, set *device to true if the device and not the scene is the cause, and return false.
-bool kn_backend_fpga(kn_backend *backend, const kn_model *model, const char *uri, size_t room, char why[KN_LINK_WHY],
-                     bool *device);
-
-// Create the backend of a lattice: the circuit at `uri`, or this processor if `uri` is NULL. `at_leisure`: true for a
-// replay, in which a simulated circuit may be slow; a request then counts as missed later than in a servo loop. The
-// return value is that of kn_backend_fpga.
+// Create the backend of a lattice: this processor if `uri` is NULL, or the circuit at `uri` (link.h), which is
+// identified and loaded. Borrows `model`, which for a circuit must use the solver KN_SOLVER_FIXED with steps of 1 ms.
+// `at_leisure`: true for a replay, in which a simulated circuit may be slow; a request then counts as missed later than
+// in a servo loop. `room`: number of bytes that the queue of ticks may take; all of them are touched here. On failure
+// put one line in `why`, set *device to true if the device and not the scene is the cause, and return false.
 bool kn_backend_place(kn_backend *backend, const kn_model *model, const char *uri, bool at_leisure, size_t room,
                       char why[KN_LINK_WHY], bool *device);
 

@@ -51,7 +51,7 @@ static double attach_with(object *o, size_t room, char why[KN_LINK_WHY])
     bool device = true;
     for (int tries = 0; device && tries < 20; tries++) {
         const int64_t began_ns = kn_now_ns();
-        if (kn_backend_fpga(&o->backend, o->model, o->board.uri, room, why, &device))
+        if (kn_backend_place(&o->backend, o->model, o->board.uri, false, room, why, &device))
             return 1e-9 * (double)(kn_now_ns() - began_ns);
     }
     if (device || room == SIZE_MAX) fprintf(stderr, "%s\n", why), exit(1);

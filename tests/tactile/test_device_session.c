@@ -25,10 +25,9 @@ static void begin(void)
 
 static bool force(int64_t session, const double force_n[3], int32_t flags, int32_t fault)
 {
-    kn_device_session_force f = {
-        .session = session, .seq = tested.seq, .tick = ++ticks, .flags = flags, .fault = fault, .age_s = age_s};
+    knead_contact_force_t f = {.session = session, .seq = tested.seq, .tick = ++ticks, .flags = flags, .fault = fault};
     memcpy(f.force_n, force_n, sizeof f.force_n);
-    bool ours = kn_device_session_take(&tested, &f);
+    bool ours = kn_device_session_take(&tested, &f, age_s);
     if (ours) kn_device_session_give(&tested, now_s);
     return ours;
 }
@@ -172,22 +171,21 @@ TEST("repeated or older forces do not feed the watchdog: 0 N by 20 ms, then a ne
         begin();
         ticks += INT64_C(86400000); // a day of ticks
         live(100, true, true);
-        kn_device_session_force again = {.session = 100,
-                                         .seq = tested.seq,
-                                         .tick = back == 2 ? 0 : ticks - back,
-                                         .force_n = {0, 0, 2},
-                                         .flags = KN_FLAG_ENGAGED,
-                                         .age_s = age_s};
+        knead_contact_force_t again = {.session = 100,
+                                       .seq = tested.seq,
+                                       .tick = back == 2 ? 0 : ticks - back,
+                                       .force_n = {0, 0, 2},
+                                       .flags = KN_FLAG_ENGAGED};
         for (int ms = 1; ms <= 20; ms++) {
             kn_device_session_pose(&tested, here, here);
-            for (int n = 0; n < 3; n++) CHECK(!kn_device_session_take(&tested, &again));
+            for (int n = 0; n < 3; n++) CHECK(!kn_device_session_take(&tested, &again, age_s));
             tick(1);
         }
         CHECK(given()[2] == 0.0 && tested.mode == KN_SESSION_SILENT && tested.forces.trips == 1 && tested.late == 60);
         live(1200, true, false);
         CHECK(tested.mode == KN_SESSION_HELD && tested.session == 101);
         again.session = 101, again.seq = 0;
-        CHECK(kn_device_session_take(&tested, &again)); // from a kneadd that started anew, at any tick
+        CHECK(kn_device_session_take(&tested, &again, age_s)); // from a kneadd that started anew, at any tick
     }
 }
 
