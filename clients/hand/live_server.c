@@ -171,8 +171,7 @@ void kn_live_server_close(kn_live_server *live)
 // Largest size of an answer from kneadd, bytes.
 #define ANSWER_MAX (1 << 20)
 
-// Connect to the control socket. Return the descriptor, or -1 with errno set.
-static int dial(const char *path, int flags)
+int kn_live_server_dial(const char *path, int flags)
 {
     struct sockaddr_un at = {.sun_family = AF_UNIX};
     if (strlen(path) >= sizeof at.sun_path) return errno = ENAMETOOLONG, -1;
@@ -238,7 +237,7 @@ static ssize_t receive(int fd, char *text, size_t size, int *handed)
 static json_t *ask(const char *path, const json_t *request, struct timeval patience, int *handed, char *error,
                    size_t error_size)
 {
-    int fd = dial(path, 0);
+    int fd = kn_live_server_dial(path, 0);
     if (fd < 0) {
         tell_absence(path, error, error_size);
         return NULL;
@@ -291,7 +290,7 @@ int kn_live_server_copy(const char *path, uint64_t scene, char *error, size_t er
 
 int kn_ask_begin(const char *path, const json_t *request, char *error, size_t error_size)
 {
-    int fd = dial(path, SOCK_NONBLOCK);
+    int fd = kn_live_server_dial(path, SOCK_NONBLOCK);
     if (fd < 0) tell_absence(path, error, error_size);
     else if (!send_line(fd, request, MSG_DONTWAIT)) {
         snprintf(error, error_size, "%s: %s", path, strerror(errno));

@@ -56,6 +56,10 @@ int64_t kn_live_server_now_ms(void); // return the present time of CLOCK_MONOTON
 
 #define KN_LIVE_SERVER_CONTROL "/run/knead/control" // path of the control socket in the unit file kneadd.service
 
+// Connect to a Unix socket, such as the control socket. `flags`: 0 or SOCK_NONBLOCK. Return the descriptor, or -1 with
+// errno set.
+int kn_live_server_dial(const char *path, int flags);
+
 // Send a control request to the running kneadd and wait for the answer. Return the answer as a new reference. Return
 // NULL with one line in error if no server listens at `path`, or if no answer arrives.
 json_t *kn_live_server_ask(const char *path, const json_t *request, char *error, size_t error_size);

@@ -83,7 +83,8 @@ typedef struct options {
     const char *link, *bar;
     bool uart, pci, sized, rtl;
     kn_engine_caps caps;
-    unsigned long long seed, baud;
+    unsigned long long seed;
+    int baud;
 } options;
 
 // Serve until a signal comes or QEMU ends, then print the number of requests and of injected faults.
@@ -116,13 +117,6 @@ static const char *take_seed(void *value, const char *text)
     return end != text && !*end ? NULL : "a whole number";
 }
 
-static const char *take_baud(void *baud, const char *text)
-{
-    const unsigned long long *value = baud;
-    const bool good = !take_seed(baud, text) && *value >= 1200 && *value <= 100000000;
-    return good ? NULL : "a whole number from 1200 to 100000000";
-}
-
 static const char *take_faults(void *faults, const char *text)
 {
     char wrong[64];
@@ -137,7 +131,7 @@ static int run(int argc, char **argv)
     static const kn_option rows[] = {
         KN_OPTION("uart", FLAG, AT(uart)),
         KN_OPTION("link", TEXT, AT(link)),
-        KN_OPTION("baud", SPECIAL, AT(baud), .take = take_baud),
+        KN_OPTION("baud", INTEGER, AT(baud), KN_RANGE(1200, 1e8), .expected = "a whole number from 1200 to 100000000"),
         KN_OPTION("bar", TEXT, AT(bar)),
         KN_OPTION("pci", FLAG, AT(pci)),
         KN_OPTION("engine", EITHER, AT(rtl), .unit = "golden|rtl"),
@@ -156,7 +150,7 @@ static int run(int argc, char **argv)
     if (optind == argc && o.pci) return bad("--pci", "the command that runs QEMU behind the options");
     if (o.link && !o.uart) return bad("--link", "--uart with it");
     if (o.baud && !o.uart) return bad("--baud", "--uart with it");
-    if (o.baud) s.byte_ns = 10000000000 / (int64_t)o.baud;
+    if (o.baud) s.byte_ns = 10000000000 / o.baud;
     if (o.bar && (!*o.bar || *o.bar == '.' || strlen(o.bar) > 199 || strchr(o.bar, '/')))
         return bad(o.bar, "--bar with a name of 1 to 199 letters, without /");
     for (int i = 0; !o.uart && i < KN_LINK_FAULT_COUNT; i++)

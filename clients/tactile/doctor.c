@@ -284,8 +284,7 @@ static void look_at_card(findings *f, const char *root, const char *card)
         return;
     }
     // the way: vfio-pci if the card is bound to it, otherwise sysfs, which a kernel under lockdown refuses
-    const bool bound = kn_link_card(sysfs, card, "driver", driver) && strcmp(driver, "vfio-pci") == 0;
-    const bool isolated = kn_link_card(sysfs, card, "iommu_group", group) && bound;
+    const bool isolated = kn_link_vfio(sysfs, card, driver, group);
     snprintf(path, sizeof path, "%s/kernel/security/lockdown", sysfs);
     const bool locked = !isolated && kn_devices_read_line(path, line, sizeof line) && !strstr(line, "[none]");
     if (isolated) snprintf(path, sizeof path, "%s/dev/vfio/%s", root, group);

@@ -1,4 +1,5 @@
 #include "clients/tactile/spacenav.h"
+#include "clients/hand/live_server.h"
 #include "core/algebra/algebra.h"
 #include <errno.h>
 #include <math.h>
@@ -7,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 // ---- steering
@@ -80,16 +80,9 @@ const char *kn_spacenav_socket(void)
 
 bool kn_spacenav_reach(void)
 {
-    struct sockaddr_un at = {.sun_family = AF_UNIX};
-    snprintf(at.sun_path, sizeof at.sun_path, "%.107s", kn_spacenav_socket());
-    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    if (fd < 0) return false;
-    // Keep the errno of connect, because close may overwrite it.
-    bool ok = connect(fd, (struct sockaddr *)&at, sizeof at) == 0;
-    int why = errno;
-    close(fd);
-    errno = why;
-    return ok;
+    const int fd = kn_live_server_dial(kn_spacenav_socket(), SOCK_NONBLOCK);
+    if (fd >= 0) close(fd);
+    return fd >= 0;
 }
 
 // Store one event of spacenavd: deflection of the puck, a button, or the arrival or loss of a puck.

@@ -122,9 +122,7 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
     if (!d->shaped) {
         d->shaped = true;
         d->position = 0;
-        if (d->from) return KN_LINK_OK;
-        d->job = IDLE;
-        d->state = KN_DEVICE_IDENTIFIED;
+        if (!d->from) d->job = IDLE, d->state = KN_DEVICE_IDENTIFIED;
         return KN_LINK_OK;
     }
     if (d->arrived) {

@@ -82,9 +82,8 @@ bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // return true if a seria
 int kn_link_line(const char *path, int baud, const char *sysfs);
 
 bool kn_link_is_function(const char *s); // return true for the address of a PCI function, DDDD:BB:DD.F
-// Put the last part of a link in the folder of a PCI function into `value`: "vfio-pci" for `driver`, "7" for
-// `iommu_group`. Return false if there is no such link.
-bool kn_link_card(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD]);
+// Get the driver and the IOMMU group of a PCI function, "" if it has none. Return true if it can be opened by vfio-pci.
+bool kn_link_vfio(const char *sysfs, const char *function, char driver[KN_LINK_CARD], char group[KN_LINK_CARD]);
 
 // ---- private: one function per transport; path and options have been checked
 bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, char why[KN_LINK_WHY]);

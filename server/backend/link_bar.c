@@ -343,14 +343,21 @@ bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY])
 
 // ---- cards
 
-bool kn_link_card(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD])
+// Get the last part of a link in the folder of a PCI function, "" if there is no such link.
+static void read_link(const char *sysfs, const char *function, const char *name, char value[KN_LINK_CARD])
 {
     char path[PATH_MAX], target[PATH_MAX];
     snprintf(path, sizeof path, "%s/bus/pci/devices/%s/%s", sysfs, function, name);
     const ssize_t size = readlink(path, target, sizeof target - 1);
     target[size > 0 ? size : 0] = 0;
     snprintf(value, KN_LINK_CARD, "%.63s", basename(target));
-    return *value;
+}
+
+bool kn_link_vfio(const char *sysfs, const char *function, char driver[KN_LINK_CARD], char group[KN_LINK_CARD])
+{
+    read_link(sysfs, function, "driver", driver);
+    read_link(sysfs, function, "iommu_group", group);
+    return *group && strcmp(driver, "vfio-pci") == 0;
 }
 
 // Open a card that is bound to vfio-pci, through its IOMMU group. The card reaches no memory of this machine, because
@@ -392,8 +399,7 @@ bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char w
 {
     char path[2 * KN_LINK_URI], driver[KN_LINK_CARD], group[KN_LINK_CARD];
     bar *b = create(link, "pcie", why);
-    if (kn_link_card(sysfs, function, "driver", driver) && strcmp(driver, "vfio-pci") == 0 &&
-        kn_link_card(sysfs, function, "iommu_group", group)) {
+    if (kn_link_vfio(sysfs, function, driver, group)) {
         link->isolated = true;
         return finish(b, b && open_vfio(b, function, group, why));
     }
