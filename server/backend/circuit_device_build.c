@@ -10,45 +10,24 @@ enum { READ_OP = 5, WRITE_OP = 5, WAIT_OP = 14 }; // length of an operation with
 static uint32_t low(int64_t v) { return (uint32_t)v; }
 static uint32_t high(int64_t v) { return (uint32_t)(v >> 32); }
 
-// Type of a function that returns one word of a record.
-typedef uint32_t source(const kn_device *d, int record, int word);
+// Segments of an image: series of records. Those before NODE_STATE never change.
+enum { CONFIG, OMEGA, TABLE, NODE, REST, EDGE, NODE_STATE, EDGE_STATE, SEGMENTS };
 
-static uint32_t config_word(const kn_device *d, int record, int word)
+static uint32_t config_word(const kn_fixed_config *c, int word)
 {
-    (void)record;
-    const kn_fixed_config *c = &d->image->config;
     const int32_t words[] = {c->node_count, c->edge_count,   c->passes, c->iterations, c->d_shift,
                              c->kv_shift,   c->octave & 127, c->beta,   c->beta_shift, c->relax};
     return (uint32_t)words[word];
 }
 
-static uint32_t omega_word(const kn_device *d, int record, int word)
-{
-    (void)record;
-    return word < d->image->config.iterations ? (uint32_t)d->image->config.omega[word] : 0;
-}
-
-static uint32_t table_word(const kn_device *d, int record, int word)
-{
-    (void)record;
-    return (uint32_t)d->image->table[word];
-}
-
 // Words: held, u (0), load.
-static uint32_t node_word(const kn_device *d, int node, int word)
+static uint32_t node_word(const kn_fixed_node *n, int word)
 {
-    const kn_fixed_node *n = &d->image->node[node];
     return word == 0 ? n->held : word < 4 ? 0 : (uint32_t)n->load[word - 4];
 }
 
-static uint32_t rest_word(const kn_device *d, int node, int word)
+static uint32_t edge_word(const kn_fixed_edge *e, int word)
 {
-    return (word % 2 ? high : low)(d->image->node[node].x[word / 2]);
-}
-
-static uint32_t edge_word(const kn_device *d, int edge, int word)
-{
-    const kn_fixed_edge *e = &d->image->edge[edge];
     return word == 0 ? (uint32_t)e->i | (uint32_t)e->j << 16 : (uint32_t)(word == 1 ? e->kv : e->ia);
 }
 
@@ -59,30 +38,37 @@ static uint32_t node_state_word(const kn_device *d, int node, int word)
     return word == 6 ? d->image->node[node].held : (uint32_t)d->from->u[3 * node + word - 7];
 }
 
-// Words: h.
-static uint32_t edge_state_word(const kn_device *d, int edge, int word)
+// Return a word of a record.
+static uint32_t word_of(const kn_device *d, int segment, int record, int word)
 {
-    return (word ? high : low)(d->from->h[edge]);
+    const kn_fixed_image *image = d->image;
+    switch (segment) {
+    case CONFIG: return config_word(&image->config, word);
+    case OMEGA: return word < image->config.iterations ? (uint32_t)image->config.omega[word] : 0;
+    case TABLE: return (uint32_t)image->table[word];
+    case NODE: return node_word(&image->node[record], word);
+    case REST: return (word % 2 ? high : low)(image->node[record].x[word / 2]);
+    case EDGE: return edge_word(&image->edge[record], word);
+    case NODE_STATE: return node_state_word(d, record, word);
+    default: return (word ? high : low)(d->from->h[record]);
+    }
 }
 
-// A series of records with `words` words each; `stride` is the distance from one record to the next.
 typedef struct segment {
     uint32_t address;
-    int records, words, stride;
-    source *source;
+    int records, words, stride; // words of a record; distance from one record to the next
 } segment;
 
-enum { SEGMENTS = 8, SHAPE = 6 }; // number of segments of an image; the first SHAPE segments never change
-
-static void segments(const kn_device *d, segment s[SEGMENTS])
+static segment segment_of(const kn_device *d, int which)
 {
     const int table = KN_FIXED_SEGMENTS + 1, k = KN_FIXED_ITERATIONS_MAX;
     const segment all[SEGMENTS] = {
-        {KN_REG_NODE_COUNT, 1, 10, 10, config_word},          {KN_REG_OMEGA, 1, k, k, omega_word},
-        {KN_WINDOW_TABLE, 1, table, table, table_word},       {KN_WINDOW_NODES + 6, d->nodes, 7, 16, node_word},
-        {KN_WINDOW_REST, d->nodes, 6, 8, rest_word},          {KN_WINDOW_EDGES, d->edges, 3, 8, edge_word},
-        {KN_WINDOW_NODES, d->nodes, 10, 16, node_state_word}, {KN_WINDOW_EDGES + 3, d->edges, 2, 8, edge_state_word}};
-    memcpy(s, all, sizeof all);
+        [CONFIG] = {KN_REG_NODE_COUNT, 1, 10, 10},          [OMEGA] = {KN_REG_OMEGA, 1, k, k},
+        [TABLE] = {KN_WINDOW_TABLE, 1, table, table},       [NODE] = {KN_WINDOW_NODES + 6, d->nodes, 7, 16},
+        [REST] = {KN_WINDOW_REST, d->nodes, 6, 8},          [EDGE] = {KN_WINDOW_EDGES, d->edges, 3, 8},
+        [NODE_STATE] = {KN_WINDOW_NODES, d->nodes, 10, 16}, [EDGE_STATE] = {KN_WINDOW_EDGES + 3, d->edges, 2, 8},
+    };
+    return all[which];
 }
 
 int64_t kn_device_state_bytes(int32_t nodes, int32_t edges)
@@ -140,14 +126,14 @@ static void build_load_end(kn_device *d)
 }
 
 // Add a write of as many words of a segment as fit into the request, from an offset on. Return the number of words.
-static int write_segment(kn_device *d, const segment *s, int offset)
+static int write_segment(kn_device *d, int which, const segment *s, int offset)
 {
     uint32_t words[KN_REQUEST_WRITE_MOST];
     int done = 0;
     for (int fit; offset + done < s->records * s->words && (fit = room(d)) > 0;) {
         int record = (offset + done) / s->words, word = (offset + done) % s->words, count = s->words - word;
         if (count > fit) count = fit;
-        for (int w = 0; w < count; w++) words[w] = s->source(d, record, word + w);
+        for (int w = 0; w < count; w++) words[w] = word_of(d, which, record, word + w);
         kn_request_write(&d->request, s->address + (uint32_t)(record * s->stride + word), words, (uint32_t)count);
         done += count;
     }
@@ -163,12 +149,13 @@ uint32_t kn_device_kept(const kn_device *d)
 // has, so that an interrupted load is recognised. The last request of a part sets SCRATCH to the new value.
 static void build_load(kn_device *d)
 {
-    segment s[SEGMENTS];
     int at = 0, next = d->position;
-    segments(d, s);
     if (next == 0) write_word(d, KN_REG_SCRATCH, d->shaped ? kn_device_kept(d) : ~d->nonce);
-    for (int i = d->shaped ? SHAPE : 0; i < (d->shaped ? SEGMENTS : SHAPE); at += s[i].records * s[i].words, i++)
-        if (next >= at) next += write_segment(d, &s[i], next - at);
+    for (int i = d->shaped ? NODE_STATE : 0; i < (d->shaped ? SEGMENTS : NODE_STATE); i++) {
+        const segment s = segment_of(d, i);
+        if (next >= at) next += write_segment(d, i, &s, next - at);
+        at += s.records * s.words;
+    }
     d->words = next - d->position;
     if (d->words > 0) return;
     if (d->shaped && !d->arrived) {
