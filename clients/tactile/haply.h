@@ -11,16 +11,11 @@
 //        --- state ----------------->   ...
 //
 // The service answers every message with exactly one state, so the driver has at most one message under way. The
-// service drops a force that is not renewed, so the driver also sends zero forces. The driver has not been tested with
-// hardware or with the real service. tests/tactile/tool_haply.c imitates the service according to Haply's
-// documentation.
+// service drops a force that is not renewed, so the driver also sends zero forces. tests/tactile/tool_haply.c imitates
+// the service according to Haply's documentation.
 #include "clients/tactile/bridge.h"
 
-// ---- messages
-//
-// Reader and writer of the messages on the simulation channel of Haply's Inverse Service, version 3.5 (docs.haply.co,
-// "WebSocket Protocol", "Control Commands", "Device Configuration"). The functions are pure, except that jansson
-// allocates memory.
+// ---- messages on the simulation channel (docs.haply.co); pure functions, except that jansson allocates memory
 //
 //     service: {"inverse3":[{"device_id":"049D","state":{"cursor_position":{"x":..},"cursor_velocity":{..}, ..},
 //               "status":{"calibrated":true, ..}}], "wireless_verse_grip":[{"state":{"orientation":{"w":..},
@@ -68,8 +63,7 @@ struct lws;
 
 #define KN_HAPLY_URL "ws://localhost:10001"
 #define KN_HAPLY_PRESET "arm_front_centered" // arm in front of the user, zero at the centre of its reach
-// Size of a host name with its NUL, bytes.
-#define KN_HAPLY_HOST 64
+#define KN_HAPLY_HOST 64                     // size of a host name with its NUL, bytes
 
 typedef struct kn_haply {
     kn_tactile base;

@@ -2,9 +2,8 @@
 #define KN_CLIENTS_SPACENAV_H
 // Driver of a 3Dconnexion SpaceNavigator, or any puck that spacenavd knows, through libspnav: six degrees of freedom
 // without force. Button n of the puck is button n of the pose. spacenavd's axes are x to the right, y up, z away from
-// the user. The driver turns them to x to the right, y forward, z up. The driver has not been tested on hardware.
-// tests/tactile/tool_spacenavd.c imitates the daemon: it speaks the daemon's protocol (versions 0 and 1, libspnav 1.0)
-// to the real library.
+// the user. The driver turns them to x to the right, y forward, z up. tests/tactile/tool_spacenavd.c imitates the
+// daemon.
 #include "clients/tactile/bridge.h"
 
 // Steering of a tool by a puck (a 3D mouse): the puck's deflection sets the speed of the tool. The functions are pure.
