@@ -9,14 +9,12 @@
 
 typedef struct golden {
     kn_engine_caps caps;
-    uint32_t nodes, edges, bounds; // capacity
-    uint32_t scratch, status, tick, seq, crc, bound_count, omega[KN_FIXED_ITERATIONS_MAX];
+    uint32_t nodes, edges, bounds;        // capacity
+    uint32_t reg[KN_REG_BOUND_COUNT + 1]; // registers that are neither FLAGS nor a setting of the image
     kn_fixed_image image;
     kn_fixed fixed;
     kn_fixed_bound *bound;
     int64_t (*reaction)[3];
-    kn_fixed_result result;
-    uint32_t cycles, cycles_max;
     void *memory;
 } golden;
 
@@ -165,24 +163,28 @@ static int bits_of(uint32_t address)
 static void tick(golden *g)
 {
     const kn_fixed_config *c = &g->image.config;
-    kn_fixed_tick(&g->fixed, g->bound, (int)g->bound_count, g->reaction, &g->result);
-    g->tick++;
-    g->cycles = kn_engine_clocks((uint32_t)c->node_count, (uint32_t)c->edge_count, g->bound_count, (uint32_t)c->passes,
-                                 (uint32_t)c->iterations);
-    if (g->cycles > g->cycles_max) g->cycles_max = g->cycles;
+    kn_fixed_result result;
+    kn_fixed_tick(&g->fixed, g->bound, (int)g->reg[KN_REG_BOUND_COUNT], g->reaction, &result);
+    g->reg[KN_REG_TICK]++;
+    g->reg[KN_REG_RESIDUAL_LO] = half(result.residual, 0);
+    g->reg[KN_REG_RESIDUAL_HI] = half(result.residual, 1);
+    g->reg[KN_REG_RESULT_FLAGS] = result.flags;
+    g->reg[KN_REG_CYCLES] = kn_engine_clocks((uint32_t)c->node_count, (uint32_t)c->edge_count,
+                                             g->reg[KN_REG_BOUND_COUNT], (uint32_t)c->passes, (uint32_t)c->iterations);
+    if (g->reg[KN_REG_CYCLES] > g->reg[KN_REG_CYCLES_MAX]) g->reg[KN_REG_CYCLES_MAX] = g->reg[KN_REG_CYCLES];
 }
 
 // Handle a write to the doorbell STEP_SEQ. Writing its present value plus 1 steps a tick if an object is loaded.
 // Writing its present value again has no effect.
 static void step(golden *g, uint32_t seq)
 {
-    if (seq == g->seq) return;
-    if (seq != g->seq + 1) {
-        g->status |= KN_STATUS_SEQ;
-    } else if (!(g->status & KN_STATUS_LOADED)) {
-        g->status |= KN_STATUS_EMPTY;
+    if (seq == g->reg[KN_REG_STEP_SEQ]) return;
+    if (seq != g->reg[KN_REG_STEP_SEQ] + 1) {
+        g->reg[KN_REG_STATUS] |= KN_STATUS_SEQ;
+    } else if (!(g->reg[KN_REG_STATUS] & KN_STATUS_LOADED)) {
+        g->reg[KN_REG_STATUS] |= KN_STATUS_EMPTY;
     } else {
-        g->seq = seq;
+        g->reg[KN_REG_STEP_SEQ] = seq;
         tick(g);
     }
 }
@@ -195,45 +197,27 @@ static void control(golden *g, uint32_t what)
         uint32_t flags = g->fixed.flags;
         kn_fixed_rest(&g->fixed);
         g->fixed.flags = flags;
-        g->tick = 0;
+        g->reg[KN_REG_TICK] = 0;
     }
     // Do not mark an invalid image as loaded: a step would follow its indices into memory outside the arrays.
     if (what & KN_CONTROL_LOADED) {
-        g->status &= ~(uint32_t)KN_STATUS_LOADED;
-        if (!kn_fixed_check(&g->image)) g->status |= KN_STATUS_LOADED;
-        g->tick = 0;
+        g->reg[KN_REG_STATUS] &= ~(uint32_t)KN_STATUS_LOADED;
+        if (!kn_fixed_check(&g->image)) g->reg[KN_REG_STATUS] |= KN_STATUS_LOADED;
+        g->reg[KN_REG_TICK] = 0;
     }
-    if (what & KN_CONTROL_CLEAR) g->fixed.flags = 0, g->cycles_max = 0;
-    if (what & KN_CONTROL_CRC) g->crc = kn_fixed_crc(&g->fixed);
+    if (what & KN_CONTROL_CLEAR) g->fixed.flags = 0, g->reg[KN_REG_CYCLES_MAX] = 0;
+    if (what & KN_CONTROL_CRC) g->reg[KN_REG_STATE_CRC] = kn_fixed_crc(&g->fixed);
 }
 
 // Read a register. Return false if there is no register at this address.
 static bool read_register(golden *g, uint32_t address, uint32_t *word)
 {
-    const uint32_t caps = (uint32_t)(g->caps.nodes | g->caps.edges << 8 | g->caps.bounds << 16);
     const int32_t *config = config_of(g, address);
-    switch (address) {
-    case KN_REG_ID: *word = KN_ENGINE_ID; return true;
-    case KN_REG_VERSION: *word = KN_ENGINE_VERSION; return true;
-    case KN_REG_BUILD_HASH: *word = KN_BUILD_HASH; return true;
-    case KN_REG_CAPS: *word = caps; return true;
-    case KN_REG_CONTROL: *word = 0; return true;
-    case KN_REG_STATUS: *word = g->status; return true;
-    case KN_REG_FLAGS: *word = g->fixed.flags; return true;
-    case KN_REG_SCRATCH: *word = g->scratch; return true;
-    case KN_REG_TICK: *word = g->tick; return true;
-    case KN_REG_STEP_SEQ: *word = g->seq; return true;
-    case KN_REG_CYCLES: *word = g->cycles; return true;
-    case KN_REG_CYCLES_MAX: *word = g->cycles_max; return true;
-    case KN_REG_STATE_CRC: *word = g->crc; return true;
-    case KN_REG_RESIDUAL_LO: *word = half(g->result.residual, 0); return true;
-    case KN_REG_RESIDUAL_HI: *word = half(g->result.residual, 1); return true;
-    case KN_REG_RESULT_FLAGS: *word = g->result.flags; return true;
-    case KN_REG_BOUND_COUNT: *word = g->bound_count; return true;
-    default: break;
-    }
     if (config) *word = (uint32_t)*config & ((1u << bits_of(address)) - 1);
-    return config;
+    else if (address == KN_REG_FLAGS) *word = g->fixed.flags;
+    else if (address <= KN_REG_BOUND_COUNT) *word = g->reg[address];
+    else return false;
+    return true;
 }
 
 // Write a setting, and clear the status LOADED. Return false if the value has too many bits or exceeds the capacity.
@@ -243,7 +227,7 @@ static bool write_config(golden *g, uint32_t address, uint32_t word)
     if (!config || word >> bits_of(address)) return false;
     if ((address == KN_REG_NODE_COUNT && word > g->nodes) || (address == KN_REG_EDGE_COUNT && word > g->edges))
         return false;
-    g->status &= ~(uint32_t)KN_STATUS_LOADED;
+    g->reg[KN_REG_STATUS] &= ~(uint32_t)KN_STATUS_LOADED;
     *config = address == KN_REG_OCTAVE ? narrow(word, 7) : (int32_t)word;
     return true;
 }
@@ -256,13 +240,13 @@ static bool write_register(golden *g, uint32_t address, uint32_t word)
     if (bits < 32 && word >> bits) return false;
     switch (address) {
     case KN_REG_CONTROL: control(g, word); return true;
-    case KN_REG_STATUS: g->status &= ~(word & (KN_STATUS_SEQ | KN_STATUS_EMPTY)); return true;
+    case KN_REG_STATUS: g->reg[KN_REG_STATUS] &= ~(word & (KN_STATUS_SEQ | KN_STATUS_EMPTY)); return true;
     case KN_REG_FLAGS: g->fixed.flags &= ~word; return true;
-    case KN_REG_SCRATCH: g->scratch = word; return true;
+    case KN_REG_SCRATCH: g->reg[KN_REG_SCRATCH] = word; return true;
     case KN_REG_STEP_SEQ: step(g, word); return true;
     case KN_REG_BOUND_COUNT:
         if (word >= 1u << g->caps.bounds || word > KN_FIXED_LIST_MAX) return false;
-        g->bound_count = word;
+        g->reg[KN_REG_BOUND_COUNT] = word;
         return true;
     default: return false;
     }
@@ -294,15 +278,18 @@ static void blank(void *self)
         .config = {.node_count = (int32_t)g->nodes, .edge_count = (int32_t)g->edges}, .node = nodes, .edge = edges};
     kn_fixed_init(&g->fixed, &g->image, g->memory); // lay the arrays out for the largest image
     g->image.config = (kn_fixed_config){0};
-    g->scratch = g->status = g->tick = g->seq = g->crc = g->bound_count = g->cycles = g->cycles_max = 0;
-    g->result = (kn_fixed_result){0};
+    memset(g->reg, 0, sizeof g->reg);
+    g->reg[KN_REG_ID] = KN_ENGINE_ID;
+    g->reg[KN_REG_VERSION] = KN_ENGINE_VERSION;
+    g->reg[KN_REG_BUILD_HASH] = KN_BUILD_HASH;
+    g->reg[KN_REG_CAPS] = (uint32_t)(g->caps.nodes | g->caps.edges << 8 | g->caps.bounds << 16);
 }
 
 // Step a tick that no host has requested, for the fault `torn`.
 static void stray(void *self)
 {
     golden *g = self;
-    if (g->status & KN_STATUS_LOADED) tick(g);
+    if (g->reg[KN_REG_STATUS] & KN_STATUS_LOADED) tick(g);
 }
 
 static void destroy(void *self)

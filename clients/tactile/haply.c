@@ -6,11 +6,11 @@
 #include <libwebsockets.h>
 #include <math.h>
 #include <netdb.h>
-#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 // ---- messages
@@ -149,27 +149,13 @@ static const size_t largest = 1 << 18;
 static const int patience_ms = 1000; // longest wait for an answer of the service before the service counts as lost
 static const int inventory_ms = 500; // interval at which the inventory is requested while the wanted arm is missing
 static const int asks_ms = 100;      // silence after which the state of the arm is requested
-static const int reach_ms = 300;     // longest wait until the service accepts a connection
+static const struct timeval reach = {.tv_usec = 300000}; // longest wait until the service accepts a connection
 
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port)
 {
     char end;
     int n = sscanf(url, "ws://%63[A-Za-z0-9.-]:%5d%c", host, port, &end);
     return (n == 2 || (n == 3 && end == '/' && !strchr(url + 5, '/')[1])) && *port > 0 && *port < 65536;
-}
-
-// Connect the non-blocking descriptor fd to the address. Return true if the server accepts the connection. On failure,
-// errno has the reason.
-static bool answers(int fd, const struct addrinfo *a)
-{
-    int error = 0;
-    socklen_t size = sizeof error;
-    struct pollfd wait = {.fd = fd, .events = POLLOUT};
-    if (connect(fd, a->ai_addr, a->ai_addrlen) == 0) return true;
-    if (errno != EINPROGRESS) return false;
-    if (poll(&wait, 1, reach_ms) <= 0) return errno = ETIMEDOUT, false;
-    getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size);
-    return errno = error, error == 0;
 }
 
 bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
@@ -182,10 +168,11 @@ bool kn_haply_reach(const char *host, int port, char *error, size_t error_size)
     int code = getaddrinfo(host, service, &like, &list);
     errno = 0;
     for (struct addrinfo *a = list; a && !ok; a = a->ai_next) {
-        int fd = socket(a->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+        int fd = socket(a->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
         if (fd < 0) continue;
-        ok = answers(fd, a);
-        int why = errno;
+        setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &reach, sizeof reach);
+        ok = connect(fd, a->ai_addr, a->ai_addrlen) == 0;
+        int why = errno == EINPROGRESS ? ETIMEDOUT : errno;
         close(fd);
         errno = why;
     }

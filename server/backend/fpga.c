@@ -62,27 +62,6 @@ static void tell(fpga *f)
 
 // --- the queue -------------------------------------------------------------------------------------------------------
 
-static size_t slot_bytes(const fpga *f)
-{
-    return sizeof(slot) + (size_t)f->bounds * (sizeof(kn_fixed_bound) + sizeof(int64_t[3]));
-}
-
-// Allocate a queue and touch every page, so that the servo has no page fault.
-static bool make(fpga *f, uint32_t length)
-{
-    // One block holds the slots first, then the reactions and bounds of each slot.
-    const size_t each = slot_bytes(f) - sizeof(slot), bytes = length * slot_bytes(f);
-    f->queue = (queue){length, aligned_alloc(64, (bytes + 63) / 64 * 64)};
-    if (!f->queue.slot) return false;
-    memset(f->queue.slot, 0, bytes);
-    char *at = (char *)(f->queue.slot + length);
-    for (slot *s = f->queue.slot; s < f->queue.slot + length; s++, at += each) {
-        s->reaction = (void *)at;
-        s->bound = (void *)(at + (size_t)f->bounds * sizeof(int64_t[3]));
-    }
-    return true;
-}
-
 static slot *oldest(fpga *f) { return &f->queue.slot[atomic_load(&f->done) % f->queue.length]; }
 
 // Return true if the circuit's reactions and residual equal the twin's.
@@ -438,7 +417,10 @@ static bool allocate(fpga *f, size_t room, const char *uri, char why[KN_LINK_WHY
     const int64_t load_ns = atomic_load(&f->load_ns);
     int64_t length = QUEUE_LEAST;
     while (length < QUEUE_LEAST / 4 + load_ns / 1000000 * 3 / 2) length *= 2;
-    const size_t bytes = (size_t)length * slot_bytes(f);
+    // One block holds the slots first, then the reactions and bounds of each slot.
+    const size_t reactions = (size_t)f->bounds * sizeof(int64_t[3]),
+                 each = reactions + (size_t)f->bounds * sizeof(kn_fixed_bound),
+                 bytes = (size_t)length * (sizeof(slot) + each);
     if (length > QUEUE_MOST || bytes > room) {
         snprintf(
             why, KN_LINK_WHY,
@@ -447,7 +429,15 @@ static bool allocate(fpga *f, size_t room, const char *uri, char why[KN_LINK_WHY
             uri, 1e-9 * (double)load_ns, (long long)length, (bytes >> 20) + 1, QUEUE_MOST, room >> 20);
         return false;
     }
-    return make(f, (uint32_t)length);
+    f->queue = (queue){(uint32_t)length, aligned_alloc(64, (bytes + 63) / 64 * 64)};
+    if (!f->queue.slot) return false;
+    memset(f->queue.slot, 0, bytes); // touch every page, so that the servo has no page fault
+    char *at = (char *)(f->queue.slot + length);
+    for (slot *s = f->queue.slot; s < f->queue.slot + length; s++, at += each) {
+        s->reaction = (void *)at;
+        s->bound = (void *)(at + reactions);
+    }
+    return true;
 }
 
 // Open the circuit, and load the present state of the object into it.
