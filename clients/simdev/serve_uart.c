@@ -186,7 +186,6 @@ static bool listen_once(line *l)
     if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
     if (size > 0) pass(l, &l->in_ns, (size_t)size);
     for (ssize_t at = 0; at < size && !*l->simdev->stop; at++) {
-        // Collect bytes until a 0x00 comes or the buffer is full.
         l->frame[l->size++] = bytes[at];
         if (bytes[at] && l->size < sizeof l->frame) continue;
         if (l->size == 1 || bytes[at]) { // nothing, or noise

@@ -135,8 +135,7 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     kn_device_session *t = &b->now.session;
     knead_probe_pose_t pose = {.buttons = device->buttons & ~KNEAD_PROBE_POSE_T_BUTTON_LEAVING,
                                .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
-    // Convert position and axes of the device to those of the scene. Clear the button that means "the hand leaves the
-    // tool", because only let_go may set it.
+    // Only let_go may set the button that means "the hand leaves the tool", so it is cleared here.
     kn_device_position(&b->mount, device->position_m, pose.position_m);
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
@@ -230,7 +229,6 @@ void kn_bridge_tick(kn_bridge *b, int elapsed_ms)
     // Call `give` in this tick even without a new force, so that a tripped watchdog switches the motors off at once.
     if (!b->answered || kn_device_session_live(&b->now.session) != live) answer(b);
     b->answered = false;
-    // Close a lost device, and try every 500 ms to open a closed device.
     close_lost(b);
     if (!b->open && (b->retry_ms -= elapsed_ms) <= 0) open_device(b);
 
@@ -286,7 +284,6 @@ static bool watch(kn_bridge *b)
 // Tell kneadd that the hand leaves the tool, switch the motors off and close the device.
 static void let_go(kn_bridge *b)
 {
-    // Send the last pose once more, marked as the last pose of the session.
     if (b->last.session) {
         b->last.seq++;
         b->last.buttons |= KNEAD_PROBE_POSE_T_BUTTON_LEAVING;
@@ -370,7 +367,6 @@ bool kn_bridge_start(kn_bridge *b, const kn_bridge_def *def, kn_tactile *device,
     return false;
 }
 
-// Return the newest posted state. If no state was posted since the last call, return the state of the last call again.
 const kn_bridge_news *kn_bridge_latest(kn_bridge *b)
 {
     bool fresh;

@@ -120,7 +120,6 @@ void kn_device_session_tick(kn_device_session *t, double now_s, int elapsed_ms)
     bool pose = t->fresh_pose, force = t->fresh_force, silent = false;
     t->fresh_pose = t->fresh_force = false;
     if (t->mode == KN_SESSION_HELD) {
-        // Count the ms since the last pose and the last force. A trip of either watchdog ends the session.
         kn_watchdog_tick(&t->poses, pose, elapsed_ms);
         kn_watchdog_tick(&t->forces, force, elapsed_ms);
         silent = wants_anew(t) || t->poses.tripped || t->forces.tripped;

@@ -223,7 +223,6 @@ int kn_devices_find(const char *root, kn_found *found)
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++) find_tty(&found[n++], root, list.gl_pathv[i]);
         globfree(&list);
     }
-    // Search /sys for the USB devices in the table of known devices.
     snprintf(pattern, sizeof pattern, "%s/sys/bus/usb/devices/*", root);
     if (glob(pattern, 0, NULL, &list) == 0) {
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++)

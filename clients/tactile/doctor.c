@@ -153,7 +153,6 @@ static void look_at_bus(findings *f)
     if (!url || !*url) url = KN_LCM_URL;
     bool parsed = kn_bus_parse(&bus, url, NULL, error, sizeof error);
     bool good = parsed && kn_bus_check_route(&bus, error, sizeof error);
-    // Split the bus's error message into the problem and the remedy.
     char *cure = good ? NULL : strstr(error, also);
     if (cure) *cure = '\0';
     check *c = add(f, "route", good, "%s%s", good ? url : error, good ? " stays on this machine" : "");

@@ -241,7 +241,6 @@ static const kn_option rows[] = {
 static int parse(hand_options *o, int argc, char **argv)
 {
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .help = help};
-    // Set the defaults. Fields that stay 0 get their value from the scene or from the driver.
     *o = (hand_options){.baud = 500000, .puck.turn_rad_s = 1.0, .preset = KN_HAPLY_PRESET};
     kn_haply_url(KN_HAPLY_URL, o->host, &o->port);
     int code = kn_options_read(&table, o, argc, argv);
@@ -310,8 +309,6 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
                                        // the output stage for a slow link.
                                        .held = o->kind == KN_HAND_SPACENAV};
     kn_model_def_extent(&scene->model, extent_m);
-    // The zero of the device comes from the option --origin, or else from the scene. If both are missing, place the
-    // zero above the middle of the object.
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
     else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0)
         at_m[2] = extent_m[2] + kn_tool_height_m(tool) + above_m;
@@ -404,7 +401,6 @@ static void tell_session(told *t, const kn_bridge_news *n, const char *name, int
     if (r->faults > last->faults) fprintf(stderr, "knead hand: kneadd's impulse guard has tripped: %s\n", then);
     tell_stop(t, r, then, now_ms);
 
-    // Report a latched fault of kneadd once, with its remedy.
     if (r->flags & KN_FLAG_LATCHED && !(last->flags & KN_FLAG_LATCHED))
         fprintf(stderr, "knead hand: kneadd: %s: %s\n", kn_fault_name((kn_fault)r->fault),
                 kn_fault_remedy((kn_fault)r->fault));
@@ -413,8 +409,6 @@ static void tell_session(told *t, const kn_bridge_news *n, const char *name, int
     if (r->heard > last->heard || away) t->answer_ms = now_ms, t->unanswered = false, t->foreign = r->foreign;
     if (t->unanswered || now_ms - t->answer_ms < answer_ms) return;
     t->unanswered = true;
-    // Report the likely cause of missing forces: another client holds the tool, kneadd does not run, or the device has
-    // not given a pose yet.
     fprintf(stderr, "knead hand: no force for 3 s: %s\n",
             r->foreign > t->foreign ? "another client holds the tool"
             : n->there              ? kn_bus_client_why("is kneadd running, and does it serve this probe?")
@@ -473,7 +467,6 @@ static int watch(hand *h)
         kn_clock_sleep(kn_now_ns() + look_ms * 1000000);
         const kn_bridge_news *n = kn_bridge_latest(&h->bridge);
         now_ms = kn_live_server_now_ms();
-        // It is not safe to continue after the test of the device's own watchdog has failed.
         if (n->device.watchdog == KN_OWN_MISSING)
             return kn_complain("hand", KN_EXIT_DEVICE, "%s: %s; --no-watchdog gives force without this test", name,
                                n->untrusted);

@@ -219,7 +219,6 @@ static void take(kn_haply *h)
     bool known = *h->device_id;
     h->in_flight = false;
     h->silent_ms = 0;
-    // Before an arm is selected, look for the wanted arm. Afterwards, read only the selected arm.
     switch (kn_haply_read(h->message, h->length, known ? h->device_id : h->wanted, &s, error, sizeof error)) {
     case KN_HAPLY_MALFORMED: kn_tactile_bad(&h->base, "%s", error); break;
     case KN_HAPLY_ABSENT:

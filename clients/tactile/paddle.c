@@ -36,7 +36,6 @@ static void on_readable(struct ev_loop *ev, ev_io *watcher, int events)
     kn_paddle *p = watcher->data;
     uint8_t bytes[256];
     kn_paddle_frame frame, newest = {0};
-    // Read waiting bytes, at most 256 at a time. An error or the end of the file means that the serial line is gone.
     ssize_t size = read(p->fd, bytes, sizeof bytes);
     if (size < 0 && (errno == EAGAIN || errno == EINTR)) return;
     if (size <= 0) {
@@ -87,8 +86,6 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
     kn_paddle *p = (kn_paddle *)device;
     uint8_t bytes[KN_PADDLE_FRAME_SIZE];
     int waiting = 0;
-    // Skip this command if too many bytes wait in the serial line, because a waiting command would reach the motor
-    // late.
     if (ioctl(p->fd, TIOCOUTQ, &waiting) == 0 && waiting > waiting_most) {
         p->held_back++;
         return;

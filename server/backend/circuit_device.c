@@ -173,7 +173,6 @@ static kn_link_status accept_step(kn_device *d, const uint32_t *words)
         return lose(d, blank ? KN_LOSS_BLANK : KN_LOSS_SEQ_GAP, KN_LINK_PROTOCOL);
     }
     d->rung = true;
-    // Store the reactions in this reply; further requests fetch the others.
     for (int i = 0; i < 3 * d->words; i++)
         d->reaction[d->position + i / 3][i % 3] = wide(words[2 * i], words[2 * i + 1], KN_FIXED_ACC);
     d->position += d->words;

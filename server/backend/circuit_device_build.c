@@ -195,7 +195,6 @@ static void build_step(kn_device *d)
         write_word(d, KN_REG_STEP_SEQ, d->seq + 1);
         kn_request_wait(&d->request, KN_REG_STATUS, KN_STATUS_BUSY, 0, d->limit);
     }
-    // Read as many reactions as the reply can hold besides the circuit's numbers.
     int fit = (KN_REQUEST_READ_MOST - d->request.words - KN_DEVICE_TALE) / 6, left = d->count - d->position;
     if (!fits_bytes(d, 2 * READ_OP)) fit = 0;
     d->words = left < fit ? left : fit;

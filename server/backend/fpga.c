@@ -75,7 +75,6 @@ bool kn_fpga_equal(const slot *s, const kn_device_result *r)
 // numbers differ from the twin's. `why` is set if the status is neither OK nor LATE.
 static kn_link_status advance(fpga *f, int64_t deadline_ns, kn_loss *why)
 {
-    // Submit the tick unless it is already with the circuit, then wait for its result.
     slot *s = oldest(f);
     kn_device_result result;
     kn_link_status status = KN_LINK_OK;
@@ -221,11 +220,9 @@ static kn_backend_status fpga_wait(void *self, int64_t deadline_ns, kn_output *o
     fpga *f = self;
     const bool clock = deadline_ns != 0;
     kn_loss why;
-    // Stop before the deadline, so that enough time is left for the rest of the tick.
     const int64_t until_ns = clock ? deadline_ns - KN_FPGA_SPARE_NS : kn_now_ns() + KN_FPGA_PATIENCE_NS;
     if (kn_offload_has(f)) return kn_offload_wait(f, clock, clock ? until_ns + KN_FPGA_SPARE_NS / 2 : until_ns, output);
     kn_backend_status status = f->twin.wait(f->twin.self, deadline_ns, output);
-    // Let the circuit compute the queued ticks, the oldest first.
     while (atomic_load(&f->speaker) == SERVO && !kn_fpga_empty(f)) {
         kn_link_status link = advance(f, until_ns, &why);
         if (link == KN_LINK_LATE && clock) break;

@@ -128,7 +128,6 @@ static uint8_t *place(kn_request *r, uint32_t address, uint32_t bytes, uint32_t 
 
 bool kn_request_read(kn_request *request, uint32_t address, uint32_t count)
 {
-    // Layout: operation u8, address u24, count u8.
     if (count == 0 || count > KN_REQUEST_READ_MOST) return false;
     uint8_t *at = place(request, address, ACCESS, count);
     if (!at) return false;
@@ -139,7 +138,6 @@ bool kn_request_read(kn_request *request, uint32_t address, uint32_t count)
 
 bool kn_request_write(kn_request *request, uint32_t address, const uint32_t *words, uint32_t count)
 {
-    // Layout: operation u8, address u24, count u8, words.
     if (count == 0 || count > KN_REQUEST_WRITE_MOST) return false;
     uint8_t *at = place(request, address, ACCESS + 4 * count, 0);
     if (!at) return false;
@@ -151,7 +149,6 @@ bool kn_request_write(kn_request *request, uint32_t address, const uint32_t *wor
 
 bool kn_request_wait(kn_request *request, uint32_t address, uint32_t mask, uint32_t value, uint16_t limit)
 {
-    // Layout: operation u8, address u24, mask u32, value u32, limit u16.
     uint8_t *at = place(request, address, POLL, 1);
     if (!at) return false;
     at[0] = WAIT;
