@@ -133,9 +133,9 @@ static void send_pose(kn_bridge *b, knead_probe_pose_t *pose)
 void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
 {
     kn_device_session *t = &b->now.session;
+    // only let_go may set the button that means "the hand leaves the tool"
     knead_probe_pose_t pose = {.buttons = device->buttons & ~KNEAD_PROBE_POSE_T_BUTTON_LEAVING,
                                .frame = KNEAD_PROBE_POSE_T_FRAME_SCENE};
-    // Only let_go may set the button that means "the hand leaves the tool", so it is cleared here.
     kn_device_position(&b->mount, device->position_m, pose.position_m);
     kn_device_velocity(&b->mount, device->velocity_m_s, pose.velocity_m_s);
     kn_mount_orientation(&b->mount, device->orientation_wxyz, pose.orientation_wxyz);
