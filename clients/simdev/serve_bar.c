@@ -159,20 +159,8 @@ static bool retire(const char *path)
     return ours;
 }
 
-// Apply the faults that strike a request. Set *unplugged if the device was unplugged, which loses the request. Return
+// Handle the doorbell if a host has rung it, otherwise sleep. If a fault unplugs the device, the request is lost. Return
 // false if the file could not be created again.
-static bool suffer(bar *b, bool *unplugged)
-{
-    bool blanked;
-    *unplugged = kn_simdev_suffer(b->simdev, &blanked);
-    if (blanked) b->word[KN_REG_SCRATCH] = b->word[KN_REG_NODE_COUNT] = b->word[KN_REG_EDGE_COUNT] = 0;
-    if (!*unplugged) return true;
-    drop_file(b);
-    kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
-    return make_file(b);
-}
-
-// Handle the doorbell if a host has rung it, otherwise sleep. If a fault unplugs the device, the request is lost.
 static bool listen_once(bar *b, int64_t *heard_ns)
 {
     kn_engine *e = &b->simdev->engine;
@@ -182,10 +170,15 @@ static bool listen_once(bar *b, int64_t *heard_ns)
         if (quiet_ns > SPIN_NS) kn_clock_sleep(kn_now_ns() + (quiet_ns < AWAKE_NS ? NAP_NS : SLEEP_NS));
         return true;
     }
-    bool unplugged;
-    if (!suffer(b, &unplugged)) return false;
-    *heard_ns = kn_now_ns();
-    if (unplugged) return true;
+    bool blanked;
+    const bool unplugged = kn_simdev_suffer(b->simdev, &blanked);
+    if (blanked) b->word[KN_REG_SCRATCH] = b->word[KN_REG_NODE_COUNT] = b->word[KN_REG_EDGE_COUNT] = 0;
+    if (unplugged) {
+        drop_file(b);
+        kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
+        *heard_ns = kn_now_ns();
+        return make_file(b);
+    }
     uint32_t address = b->shm->bell_address;
     obey(b, address, b->shm->bell_word);
     __atomic_store_n(&b->shm->done, done + 1, __ATOMIC_RELEASE);

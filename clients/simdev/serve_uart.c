@@ -165,22 +165,12 @@ static void bring(line *l)
     l->refuses = false;
 }
 
-// Apply the faults that strike a request. Set *unplugged if the device was unplugged, which loses the request. Return
-// false if the pseudo-terminal could not be opened again.
-static bool suffer(line *l, bool *unplugged)
-{
-    bool blanked;
-    *unplugged = kn_simdev_suffer(l->simdev, &blanked);
-    if (!*unplugged) return true;
-    plug_out(l);
-    kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
-    return plug_in(l, false);
-}
-
-// Read the bytes that have come, and handle each frame when its final 0x00 is reached.
+// Read the bytes that have come, and handle each frame when its final 0x00 is reached. An unplugged device loses the
+// frame and the bytes after it. Return false if the pseudo-terminal could not be opened again.
 static bool listen_once(line *l)
 {
     uint8_t bytes[4096];
+    bool blanked;
     ssize_t size = read(l->fd, bytes, sizeof bytes);
     if (size < 0 && errno != EAGAIN && errno != EINTR) return false;
     if (size <= 0) poll(&(struct pollfd){l->fd, POLLIN, 0}, 1, 100);
@@ -190,11 +180,13 @@ static bool listen_once(line *l)
         if (bytes[at] && l->size < sizeof l->frame) continue;
         if (l->size == 1 || bytes[at]) { // nothing, or noise
             hear(l, l->frame, l->size);
+        } else if (kn_simdev_suffer(l->simdev, &blanked)) {
+            plug_out(l);
+            kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
+            if (!plug_in(l, false)) return false;
+            at = size;
         } else {
-            bool unplugged;
-            if (!suffer(l, &unplugged)) return false;
-            if (unplugged) at = size; // also drop the bytes that came after the frame
-            else bring(l);
+            bring(l);
         }
         l->size = 0;
     }

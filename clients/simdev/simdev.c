@@ -3,8 +3,8 @@
 #include "clients/simdev/simdev.h"
 #include "hdl/registers.h"
 #include "server/clock.h"
+#include "server/option_table.h"
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 // Name of each fault on the command line, and whether the fault applies to frames only.
@@ -22,13 +22,11 @@ const char *kn_link_fault_word(kn_link_fault fault) { return faults_known[fault]
 bool kn_link_fault_of_frames(kn_link_fault fault) { return faults_known[fault].frames; }
 
 // Parse one entry, NAME or NAME=RATE, and set the rate of this fault.
-static bool parse_one(kn_link_faults *f, const char *entry, size_t length)
+static bool parse_one(kn_link_faults *f, const char *entry)
 {
-    const char *equals = memchr(entry, '=', length);
-    size_t name = equals ? (size_t)(equals - entry) : length;
-    char *end = NULL;
-    double rate = equals ? strtod(equals + 1, &end) : 0.01;
-    if (equals && (end != entry + length || end == equals + 1 || !(rate >= 0 && rate <= 1))) return false;
+    const size_t name = strcspn(entry, "=");
+    double rate = 0.01;
+    if (entry[name] && !kn_number_take(entry + name + 1, 0, 1, &rate)) return false;
     for (int i = 0; i < KN_LINK_FAULT_COUNT; i++) {
         if (strlen(faults_known[i].word) != name || strncmp(faults_known[i].word, entry, name) != 0) continue;
         f->rate[i] = rate;
@@ -40,11 +38,9 @@ static bool parse_one(kn_link_faults *f, const char *entry, size_t length)
 bool kn_link_faults_parse(kn_link_faults *faults, const char *text, char bad[64])
 {
     for (const char *at = text;; at++) {
-        size_t length = strcspn(at, ",");
-        if (!parse_one(faults, at, length)) {
-            snprintf(bad, 64, "%.*s", length < 60 ? (int)length : 60, at);
-            return false;
-        }
+        const size_t length = strcspn(at, ",");
+        snprintf(bad, 64, "%.*s", length < 60 ? (int)length : 60, at);
+        if (!parse_one(faults, bad)) return false;
         at += length;
         if (!*at) return true;
     }
