@@ -82,14 +82,6 @@ bool kn_device_session_take(kn_device_session *t, const knead_contact_force_t *f
     return true;
 }
 
-// Begin the silence that ends the session. kneadd ends a session after 1 s without poses.
-static void fall_silent(kn_device_session *t)
-{
-    t->mode = KN_SESSION_SILENT;
-    t->silent_ms = silence_ms;
-    t->flags = t->fault = 0;
-}
-
 // Begin a new session with zero force, and rearm both watchdogs.
 static void begin_anew(kn_device_session *t)
 {
@@ -124,8 +116,10 @@ void kn_device_session_tick(kn_device_session *t, double now_s, int elapsed_ms)
         kn_watchdog_tick(&t->forces, force, elapsed_ms);
         silent = wants_anew(t) || t->poses.tripped || t->forces.tripped;
         if (silent) {
+            t->mode = KN_SESSION_SILENT;
+            t->silent_ms = silence_ms;
             t->stalled_ms = elapsed_ms;
-            fall_silent(t);
+            t->flags = t->fault = 0;
         }
     } else {
         // Wait until the silence has ended. The new session then begins with the next pose of the device.

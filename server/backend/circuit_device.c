@@ -356,12 +356,8 @@ static void begin(kn_device *d, job next, int position)
 kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
 {
     kn_device *d = calloc(1, sizeof *d);
-    if (!d) {
-        snprintf(why, KN_LINK_WHY, "%.100s: not enough memory", uri);
-        return NULL;
-    }
-    d->linked = kn_link_open(&d->link, uri, "/sys", why);
-    if (!d->linked) {
+    if (!d) snprintf(why, KN_LINK_WHY, "%.100s: not enough memory", uri);
+    if (!d || !(d->linked = kn_link_open(&d->link, uri, "/sys", why))) {
         free(d);
         return NULL;
     }

@@ -113,13 +113,14 @@ void kn_request_begin(kn_request *request, uint16_t tag)
     request->words = 0;
 }
 
-// Reserve an operation of `bytes` bytes that adds `words` words to the reply. Return the operation's address, or NULL
-// if the operation or the reply's words do not fit.
-static uint8_t *place(kn_request *r, uint32_t address, uint32_t bytes, uint32_t words)
+// Add an operation of `bytes` bytes that adds `words` words to the reply. Return its place, or NULL if the operation or
+// the reply's words do not fit.
+static uint8_t *place(kn_request *r, uint8_t operation, uint32_t address, uint32_t bytes, uint32_t words)
 {
     if (address >= ADDRESSES || r->size + bytes > KN_FRAMER_PAYLOAD || r->words + words > KN_REQUEST_READ_MOST)
         return NULL;
     uint8_t *at = r->bytes + r->size;
+    at[0] = operation;
     put(at + 1, address, 3);
     r->size = (uint16_t)(r->size + bytes);
     r->words = (uint16_t)(r->words + words);
@@ -129,19 +130,16 @@ static uint8_t *place(kn_request *r, uint32_t address, uint32_t bytes, uint32_t 
 bool kn_request_read(kn_request *request, uint32_t address, uint32_t count)
 {
     if (count == 0 || count > KN_REQUEST_READ_MOST) return false;
-    uint8_t *at = place(request, address, ACCESS, count);
-    if (!at) return false;
-    at[0] = READ;
-    at[4] = (uint8_t)count;
-    return true;
+    uint8_t *at = place(request, READ, address, ACCESS, count);
+    if (at) at[4] = (uint8_t)count;
+    return at;
 }
 
 bool kn_request_write(kn_request *request, uint32_t address, const uint32_t *words, uint32_t count)
 {
     if (count == 0 || count > KN_REQUEST_WRITE_MOST) return false;
-    uint8_t *at = place(request, address, ACCESS + 4 * count, 0);
+    uint8_t *at = place(request, WRITE, address, ACCESS + 4 * count, 0);
     if (!at) return false;
-    at[0] = WRITE;
     at[4] = (uint8_t)count;
     for (uint32_t i = 0; i < count; i++) put(at + ACCESS + 4 * i, words[i], 4);
     return true;
@@ -149,9 +147,8 @@ bool kn_request_write(kn_request *request, uint32_t address, const uint32_t *wor
 
 bool kn_request_wait(kn_request *request, uint32_t address, uint32_t mask, uint32_t value, uint16_t limit)
 {
-    uint8_t *at = place(request, address, POLL, 1);
+    uint8_t *at = place(request, WAIT, address, POLL, 1);
     if (!at) return false;
-    at[0] = WAIT;
     put(at + 4, mask, 4);
     put(at + 8, value, 4);
     put(at + 12, limit, 2);

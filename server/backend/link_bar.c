@@ -124,24 +124,21 @@ static uint32_t get(bar *b, uint32_t address)
     return address == KN_REG_STATUS && ringing(b) ? word | KN_STATUS_BUSY : word;
 }
 
-// Write a word through the doorbell; the release makes the word visible before the count.
-static void ring(bar *b, uint32_t address, uint32_t word)
-{
-    kn_shm *s = b->shm;
-    s->bell_address = address;
-    s->bell_word = word;
-    __atomic_store_n(&s->bell, s->bell + 1, __ATOMIC_RELEASE);
-}
-
-// Write a word. Return false if the previous doorbell has not been handled yet.
+// Write a word, through the doorbell if writing it has an effect. Return false if the previous doorbell has not been handled yet.
 static bool put(bar *b, uint32_t address, uint32_t word)
 {
-    bool bell = b->shm && (address == KN_REG_CONTROL || address == KN_REG_STATUS || address == KN_REG_FLAGS ||
-                           address == KN_REG_STEP_SEQ);
+    kn_shm *s = b->shm;
+    bool bell = s && (address == KN_REG_CONTROL || address == KN_REG_STATUS || address == KN_REG_FLAGS ||
+                      address == KN_REG_STEP_SEQ);
     if (bell && ringing(b)) return false;
     __atomic_thread_fence(__ATOMIC_RELEASE);
-    if (!bell) b->word[address] = word;
-    else ring(b, address, word);
+    if (!bell) {
+        b->word[address] = word;
+        return true;
+    }
+    s->bell_address = address;
+    s->bell_word = word;
+    __atomic_store_n(&s->bell, s->bell + 1, __ATOMIC_RELEASE); // makes the word visible before the count
     return true;
 }
 
@@ -199,9 +196,6 @@ static kn_link_status advance(bar *b)
     return status;
 }
 
-// A word of all ones was read, and the ID register reads as all ones as well, so the card is gone.
-static bool gone(bar *b) { return b->ones && b->word[KN_REG_ID] == UINT32_MAX; }
-
 // Return true if the kernel has asked for the card, or has removed it.
 static bool removed(void *self)
 {
@@ -230,7 +224,7 @@ static kn_link_status submit(void *self, const kn_request *request)
 static kn_link_status look(bar *b, kn_reply *reply)
 {
     kn_link_status status = advance(b);
-    if (gone(b)) return KN_LINK_GONE;
+    if (b->ones && b->word[KN_REG_ID] == UINT32_MAX) return KN_LINK_GONE;
     if (status != KN_LINK_OK) return status;
     b->asked = false;
     b->counts.received++;
