@@ -18,16 +18,15 @@ typedef struct golden {
     void *memory;
 } golden;
 
-// Set or get one half of a 64-bit number. set_high also extends the sign of a number of `bits` bits.
-static void set_low(int64_t *v, uint32_t word) { *v = (int64_t)(((uint64_t)*v & ~(uint64_t)UINT32_MAX) | word); }
-
-static void set_high(int64_t *v, uint32_t word, int bits)
-{
-    uint64_t whole = ((uint64_t)word << 32 | (uint32_t)*v) << (64 - bits);
-    *v = (int64_t)whole >> (64 - bits);
-}
-
 static uint32_t half(int64_t v, uint32_t which) { return (uint32_t)(v >> 32 * which); }
+
+// Access one half of a 64-bit number. Writing the high half extends the sign of a number of `bits` bits.
+static void access_half(int64_t *v, uint32_t which, uint32_t *word, bool write, int bits)
+{
+    if (!write) *word = half(*v, which);
+    else if (which == 0) *v = (int64_t)(((uint64_t)*v & ~(uint64_t)UINT32_MAX) | *word);
+    else *v = (int64_t)(((uint64_t)*word << 32 | (uint32_t)*v) << (64 - bits)) >> (64 - bits);
+}
 
 // Return the signed number in the lowest `bits` bits of a word.
 static int32_t narrow(uint32_t word, int bits) { return (int32_t)(word << (32 - bits)) >> (32 - bits); }
@@ -45,9 +44,8 @@ static bool node(golden *g, uint32_t at, uint32_t *word, bool write)
     int64_t *x = &g->fixed.x[3 * n + w / 2 % 3];
     int32_t *u = &g->fixed.u[3 * n + (w + 2) % 3], *load = &rest->load[(w + 2) % 3];
     if (w >= 13) return write || (*word = 0, true);
-    if (!write) *word = w < 6 ? half(*x, w % 2) : w == 6 ? rest->held : w < 10 ? (uint32_t)*u : (uint32_t)*load;
-    else if (w < 6 && w % 2) set_high(x, *word, KN_FIXED_X);
-    else if (w < 6) set_low(x, *word);
+    if (w < 6) access_half(x, w % 2, word, write, KN_FIXED_X);
+    else if (!write) *word = w == 6 ? rest->held : w < 10 ? (uint32_t)*u : (uint32_t)*load;
     else if (w == 6) rest->held = *word & 7;
     else *(w < 10 ? u : load) = narrow(*word, w < 10 ? KN_FIXED_U : KN_FIXED_T);
     return true;
@@ -59,10 +57,7 @@ static bool rest(golden *g, uint32_t at, uint32_t *word, bool write)
     uint32_t n = at / 8, w = at % 8;
     if (n >= g->nodes) return false;
     if (w >= 6) return write || (*word = 0, true);
-    int64_t *x = &g->image.node[n].x[w / 2];
-    if (!write) *word = half(*x, w % 2);
-    else if (w % 2) set_high(x, *word, KN_FIXED_X);
-    else set_low(x, *word);
+    access_half(&g->image.node[n].x[w / 2], w % 2, word, write, KN_FIXED_X);
     return true;
 }
 
@@ -75,8 +70,8 @@ static bool write_edge(golden *g, uint32_t n, uint32_t w, uint32_t word)
     case 0: e->i = (uint16_t)word, e->j = (uint16_t)(word >> 16); break;
     case 1: e->kv = (int32_t)(word & ((1u << KN_FIXED_KV) - 1)); break;
     case 2: e->ia = (int32_t)(word & ((1u << KN_FIXED_IA) - 1)); break;
-    case 3: set_low(&g->fixed.h[n], word); break;
-    case 4: set_high(&g->fixed.h[n], word, KN_FIXED_H); break;
+    case 3:
+    case 4: access_half(&g->fixed.h[n], w - 3, &word, true, KN_FIXED_H); break;
     default: break;
     }
     return true;
