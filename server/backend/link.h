@@ -49,13 +49,14 @@ typedef struct kn_link_counts {
 } kn_link_counts;
 
 typedef struct kn_link {
-    const char *name;   // "uart", "pty", "pcie", "shm"
-    kn_shadow shadow;   // option ?shadow
-    bool goes_on;       // option ?lost=go-on
-    int64_t miss_ns;    // time until an unanswered request is sent again (option ?miss), ns
-    int64_t byte_ns;    // time of one byte on the serial line, ns; 0: the link is no serial line
-    bool isolated;      // true: opened by vfio-pci; kn_link_open then never opens this card by sysfs
-    const char *notice; // one line on what this way to the card costs; NULL: none
+    const char *name;             // "uart", "pty", "pcie", "shm"
+    kn_shadow shadow;             // option ?shadow
+    bool goes_on;                 // option ?lost=go-on
+    int64_t miss_ns;              // time until an unanswered request is sent again (option ?miss), ns
+    int64_t byte_ns;              // time of one byte on the serial line, ns; 0: the link is no serial line
+    bool isolated;                // true: opened by vfio-pci; kn_link_open then never opens this card by sysfs
+    const char *notice;           // one line on what this way to the card costs; NULL: none
+    const kn_link_counts *counts; // valid until the link is closed
     void *self;
     kn_link_status (*submit)(void *self, const kn_request *request); // send a request, which is copied
     // Wait for the reply until deadline_ns of CLOCK_MONOTONIC; if the deadline has passed, check once. Return LATE as
@@ -63,7 +64,6 @@ typedef struct kn_link {
     kn_link_status (*wait)(void *self, int64_t deadline_ns, kn_reply *reply);
     bool (*gone)(void *self);   // return true if the device is being removed; NULL: only a request shows that
     void (*forget)(void *self); // drop the request under way and all input received so far
-    void (*count)(const void *self, kn_link_counts *counts);
     void (*close)(void *self);
 } kn_link;
 

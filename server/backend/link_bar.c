@@ -248,8 +248,6 @@ static kn_link_status wait_reply(void *self, int64_t deadline_ns, kn_reply *repl
 
 static void forget(void *self) { ((bar *)self)->asked = false; }
 
-static void count(const void *self, kn_link_counts *counts) { *counts = ((const bar *)self)->counts; }
-
 static void close_bar(void *self)
 {
     bar *b = self;
@@ -268,16 +266,19 @@ static void close_bar(void *self)
 static bar *create(kn_link *link, const char *name, char why[KN_LINK_WHY])
 {
     bar *b = calloc(1, sizeof *b);
-    if (b) memset(b->fd, -1, sizeof b->fd);
-    else snprintf(why, KN_LINK_WHY, "not enough memory");
+    if (!b) {
+        snprintf(why, KN_LINK_WHY, "not enough memory");
+        return NULL;
+    }
+    memset(b->fd, -1, sizeof b->fd);
     *link = (kn_link){.name = name,
                       .isolated = link->isolated,
+                      .counts = &b->counts,
                       .self = b,
                       .submit = submit,
                       .wait = wait_reply,
                       .gone = removed,
                       .forget = forget,
-                      .count = count,
                       .close = close_bar};
     return b;
 }

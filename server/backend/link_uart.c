@@ -70,9 +70,11 @@ static kn_link_status hear(uart *u, kn_reply *reply)
     kn_framer *f = &u->framer;
     while (u->in_at < u->in_size) {
         size_t used = 0;
-        int64_t broken = f->crc + f->cobs + f->length;
+        const int64_t broken = u->counts.crc + u->counts.coding;
         size_t payload = kn_framer_read(f, u->in + u->in_at, u->in_size - u->in_at, &used);
         u->in_at += used;
+        u->counts.crc = f->crc;
+        u->counts.coding = f->cobs + f->length;
         // A good frame is the reply to the request, or a stray reply (for example the reply to a request that was
         // dropped).
         if (payload && u->asked && kn_reply_parse(reply, &u->request, f->bytes, payload)) {
@@ -81,7 +83,7 @@ static kn_link_status hear(uart *u, kn_reply *reply)
             return KN_LINK_OK;
         }
         if (payload) u->counts.stray++;
-        if (u->asked && f->crc + f->cobs + f->length > broken) return KN_LINK_CRC;
+        if (u->asked && u->counts.crc + u->counts.coding > broken) return KN_LINK_CRC;
     }
     return KN_LINK_LATE;
 }
@@ -135,14 +137,6 @@ static void forget(void *self)
     u->asked = false;
     u->out_at = u->out_size = u->in_at = u->in_size = 0;
     if (u->down == KN_LINK_OK) tcflush(u->fd, TCIOFLUSH);
-}
-
-static void count(const void *self, kn_link_counts *counts)
-{
-    const uart *u = self;
-    *counts = u->counts;
-    counts->crc = u->framer.crc;
-    counts->coding = u->framer.cobs + u->framer.length;
 }
 
 static void close_uart(void *self)
@@ -230,11 +224,11 @@ bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, 
     }
     *link = (kn_link){.name = baud ? "uart" : "pty",
                       .byte_ns = baud ? 10000000000 / baud : 0,
+                      .counts = &u->counts,
                       .self = u,
                       .submit = submit,
                       .wait = wait_reply,
                       .forget = forget,
-                      .count = count,
                       .close = close_uart};
     return true;
 }
