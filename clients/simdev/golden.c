@@ -216,10 +216,9 @@ static bool read_register(golden *g, uint32_t address, uint32_t *word)
 }
 
 // Write a setting, and clear the status LOADED. Return false if the value has too many bits or exceeds the capacity.
-static bool write_config(golden *g, uint32_t address, uint32_t word)
+static bool write_config(golden *g, int32_t *config, uint32_t address, uint32_t word)
 {
-    int32_t *config = config_of(g, address);
-    if (!config || word >> bits_of(address)) return false;
+    if (word >> bits_of(address)) return false;
     if ((address == KN_REG_NODE_COUNT && word > g->nodes) || (address == KN_REG_EDGE_COUNT && word > g->edges))
         return false;
     g->reg[KN_REG_STATUS] &= ~(uint32_t)KN_STATUS_LOADED;
@@ -230,7 +229,8 @@ static bool write_config(golden *g, uint32_t address, uint32_t word)
 // Write a register. Return false if it is read-only, or if the value has too many bits or exceeds the capacity.
 static bool write_register(golden *g, uint32_t address, uint32_t word)
 {
-    if (config_of(g, address)) return write_config(g, address, word);
+    int32_t *config = config_of(g, address);
+    if (config) return write_config(g, config, address, word);
     int bits = bits_of(address);
     if (bits < 32 && word >> bits) return false;
     switch (address) {

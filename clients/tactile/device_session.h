@@ -14,9 +14,7 @@
 // A killed server cannot fade its force, and a device with a broken cable receives nothing. So if no pose or no force
 // arrives, the force fades from 3 ms on, is zero by 20 ms and stays zero (latched). If the local model is rendered and
 // kneadd is silent, the force is zero only by 300 ms, because the force of the local model decays by itself.
-//
-// To recover, the client follows kneadd's rule: it sends nothing until its session has ended (1.2 s), then it begins a
-// new session. The new session starts from zero force, with the tool clear of the object.
+// A new session starts from zero force, with the tool clear of the object.
 #include "clients/hand/haptic_render.h"
 #include "proto/knead_contact_force_t.h"
 

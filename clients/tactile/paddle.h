@@ -1,8 +1,7 @@
 #ifndef KN_CLIENTS_PADDLE_H
 #define KN_CLIENTS_PADDLE_H
 // Driver of a paddle with one degree of freedom on a serial line (such as a Hapkit). The paddle's position is the z
-// coordinate of the device, upwards. The driver has not been tested on hardware, only with the firmware of firmware/
-// under simavr behind a pty (tests/tactile/tool_paddle.c).
+// coordinate of the device, upwards. tests/tactile/tool_paddle.c runs the program of firmware/ behind a pty.
 #include "clients/tactile/bridge.h"
 #include "clients/tactile/paddle_frame.h"
 

@@ -472,12 +472,6 @@ kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const k
     return drive(d, deadline_ns);
 }
 
-int64_t kn_device_load_ns(const kn_device *d, const kn_fixed_image *image)
-{
-    const double bytes = (double)kn_device_state_bytes(image->config.node_count, image->config.edge_count);
-    return d->load_bytes > 0 ? (int64_t)(bytes * (double)d->load_ns / (double)d->load_bytes) : 0;
-}
-
 void kn_device_distrust(kn_device *d) { d->shaped = false; }
 
 void kn_device_be_patient(kn_device *d, bool patient) { d->patient = patient; }

@@ -71,10 +71,11 @@ static segment segment_of(const kn_device *d, int which)
     return all[which];
 }
 
-int64_t kn_device_state_bytes(int32_t nodes, int32_t edges)
+int64_t kn_device_load_ns(const kn_device *d, const kn_fixed_image *image)
 {
-    int64_t bytes = (int64_t)nodes * (WRITE_OP + 40) + (int64_t)edges * (WRITE_OP + 8);
-    return bytes + bytes / (KN_FRAMER_PAYLOAD - 64) * 40; // add the bytes of frames and replies
+    int64_t bytes = image->config.node_count * (WRITE_OP + 40LL) + image->config.edge_count * (WRITE_OP + 8LL);
+    bytes += bytes / (KN_FRAMER_PAYLOAD - 64) * 40; // the bytes of frames and replies
+    return d->load_bytes > 0 ? (int64_t)((double)bytes * (double)d->load_ns / (double)d->load_bytes) : 0;
 }
 
 // ---- the next request of each job

@@ -70,7 +70,5 @@ bool kn_device_waits(const kn_device *device);
 // Return the value of the SCRATCH register of a circuit that has the unchanging part of the image but no state. SCRATCH
 // is ~nonce if the circuit has neither of the two, and nonce if it has both.
 uint32_t kn_device_kept(const kn_device *device);
-// Return the number of bytes sent on the line for the state, the second part of a load.
-int64_t kn_device_state_bytes(int32_t nodes, int32_t edges);
 
 #endif
