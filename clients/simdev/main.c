@@ -2,8 +2,8 @@
 #include "clients/simdev/simdev.h"
 #include "server/option_table.h"
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -83,8 +83,7 @@ typedef struct options {
     const char *link, *bar;
     bool uart, pci, sized, rtl;
     kn_engine_caps caps;
-    unsigned long long seed;
-    int baud;
+    int seed, baud;
 } options;
 
 // Serve until a signal comes or QEMU ends, then print the number of requests and of injected faults.
@@ -110,13 +109,6 @@ static int serve(kn_simdev *s, const options *o, char **qemu)
     return good ? 0 : 3;
 }
 
-static const char *take_seed(void *value, const char *text)
-{
-    char *end;
-    *(unsigned long long *)value = strtoull(text, &end, 10);
-    return end != text && !*end ? NULL : "a whole number";
-}
-
 static const char *take_faults(void *faults, const char *text)
 {
     char wrong[64];
@@ -137,7 +129,7 @@ static int run(int argc, char **argv)
         KN_OPTION("engine", EITHER, AT(rtl), .unit = "golden|rtl"),
         KN_OPTION("caps", SPECIAL, AT(caps), .given = offsetof(options, sized), .take = take_caps),
         KN_OPTION("fault", SPECIAL, AT(faults), .take = take_faults),
-        KN_OPTION("seed", SPECIAL, AT(seed), .take = take_seed),
+        KN_OPTION("seed", INTEGER, AT(seed), KN_RANGE(0, INT_MAX), .expected = "a whole number from 0 to 2147483647"),
     };
     static const kn_option_table table = {KN_OPTION_ROWS(rows), .program = "knead-simdev", .print_help = help,
                                           .version = "knead-simdev " KN_VERSION, .options_first = true};
@@ -164,7 +156,7 @@ static int run(int argc, char **argv)
     if (o.rtl)
         return fputs("knead-simdev: --engine rtl: built without Verilator, expected --engine golden\n", stderr), 3;
 #endif
-    s.faults.seed = (o.seed + 1) * 0x9e3779b97f4a7c15u;
+    s.faults.seed = ((uint64_t)o.seed + 1) * 0x9e3779b97f4a7c15u;
     return serve(&s, &o, argv + optind);
 }
 

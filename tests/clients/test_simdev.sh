@@ -32,7 +32,7 @@ refuses 2 "knead-simdev: spin=1: expected --fault NAME[=RATE] with a rate of 0 t
 refuses 2 "knead-simdev: flip=2: expected --fault NAME[=RATE] with a rate of 0 to 1; --help lists the names" --uart --fault flip=2
 refuses 2 "knead-simdev: flip: expected --uart, because memory has no frames" --bar x --fault flip
 refuses 2 "knead-simdev: --caps 1,2: expected 0..16,0..20,1..10" --uart --caps 1,2
-refuses 2 "knead-simdev: --seed 1x: expected a whole number" --uart --seed 1x
+refuses 2 "knead-simdev: --seed 1x: expected a whole number from 0 to 2147483647" --uart --seed 1x
 refuses 2 "knead-simdev: --engine fast: expected golden or rtl" --uart --engine fast
 refuses 2 "knead-simdev: torn: expected --engine golden, because the circuit steps only on request" --uart --engine rtl --fault torn
 refuses 2 "knead-simdev: --caps: expected --engine golden, because the circuit is built for 10,14,10" --uart --engine rtl --caps 1,2,3
