@@ -159,8 +159,8 @@ static bool retire(const char *path)
     return ours;
 }
 
-// Handle the doorbell if a host has rung it, otherwise sleep. If a fault unplugs the device, the request is lost. Return
-// false if the file could not be created again.
+// Handle the doorbell if a host has rung it, otherwise sleep. If a fault unplugs the device, the request is lost.
+// Return false if the file could not be created again.
 static bool listen_once(bar *b, int64_t *heard_ns)
 {
     kn_engine *e = &b->simdev->engine;

@@ -58,8 +58,8 @@ void kn_device_session_init(kn_device_session *link, int64_t session, const kn_h
 // ignored pose does not reset the watchdog.
 bool kn_device_session_pose(kn_device_session *link, const double position_m[3], const double velocity_m_s[3]);
 
-// Take a force message. age_s: time since the pose that this force answers was sent. Return true if the force belongs to
-// this session and has a newer tick. Only accepted forces reset the watchdog over kneadd's forces.
+// Take a force message. age_s: time since the pose that this force answers was sent. Return true if the force belongs
+// to this session and has a newer tick. Only accepted forces reset the watchdog over kneadd's forces.
 bool kn_device_session_take(kn_device_session *link, const knead_contact_force_t *force, double age_s);
 
 // Compute render.given_n. now_s: present time of any steady clock, s. Call this function after every force; with the

@@ -6,8 +6,8 @@
 // The numbers are integers instead of floats for two reasons. A microcontroller without a floating-point unit can
 // compute them from its encoder's counts, and no bit pattern is a NaN. position_nm has a resolution of 1 nm, finer than
 // any encoder, and a range of +-2.1 m. Frames of both directions have the same length, so that one decoder serves both.
-// A valid frame that follows garbage is never lost, because the search for the next K N resumes inside the bytes already
-// read.
+// A valid frame that follows garbage is never lost, because the search for the next K N resumes inside the bytes
+// already read.
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

@@ -81,9 +81,9 @@ const kn_link *kn_device_link(const kn_device *device); // the options of its UR
 // Load an image and a state (positions x, displacements u in the last tick, and spring forces h; see core/fixed.h).
 // Both are borrowed until the load has ended. The device must be IDENTIFIED or SYNCED; it ends SYNCED at tick 0 with
 // flags cleared. `state` NULL: load only the unchanging part of the image, so that a later load only has to send the
-// state; the device ends IDENTIFIED. Return PROTOCOL if kn_fixed_check refuses the image, if the image does not fit, or if the circuit did
-// not receive the bytes that were sent. The unchanging part of the image is sent first, but not to a circuit that is
-// known to have this part.
+// state; the device ends IDENTIFIED. Return PROTOCOL if kn_fixed_check refuses the image, if the image does not fit, or
+// if the circuit did not receive the bytes that were sent. The unchanging part of the image is sent first, but not to a
+// circuit that is known to have this part.
 kn_link_status kn_device_load(kn_device *device, const kn_fixed_image *image, const kn_fixed *state,
                               int64_t deadline_ns);
 

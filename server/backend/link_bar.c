@@ -124,7 +124,8 @@ static uint32_t get(bar *b, uint32_t address)
     return address == KN_REG_STATUS && ringing(b) ? word | KN_STATUS_BUSY : word;
 }
 
-// Write a word, through the doorbell if writing it has an effect. Return false if the previous doorbell has not been handled yet.
+// Write a word, through the doorbell if writing it has an effect. Return false if the previous doorbell has not been
+// handled yet.
 static bool put(bar *b, uint32_t address, uint32_t word)
 {
     kn_shm *s = b->shm;

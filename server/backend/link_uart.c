@@ -198,8 +198,8 @@ int kn_link_line(const char *path, int baud, const char *sysfs)
     const int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0) return -1;
     const bool ours = flock(fd, LOCK_EX | LOCK_NB) == 0;
-    // The kernel does not lock a pseudo-terminal: the program at its other end keeps it open, so this lock would outlive
-    // this process.
+    // The kernel does not lock a pseudo-terminal: the program at its other end keeps it open, so this lock would
+    // outlive this process.
     if (ours && make_raw(fd, baud) && (!baud || ioctl(fd, TIOCEXCL) == 0)) {
         if (baud) hurry(fd, path, sysfs);
         tcflush(fd, TCIOFLUSH);
