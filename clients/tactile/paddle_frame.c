@@ -26,33 +26,16 @@ int32_t kn_paddle_frame_number(double value, double unit)
     return n >= INT32_MAX ? INT32_MAX : n <= INT32_MIN ? INT32_MIN : (int32_t)n;
 }
 
-// Write and read single bytes, so that the code does not depend on the host's byte order.
-static void put16(uint8_t *at, uint16_t value)
-{
-    at[0] = (uint8_t)value;
-    at[1] = (uint8_t)(value >> 8);
-}
-
-static void put32(uint8_t *at, int32_t value)
-{
-    put16(at, (uint16_t)value);
-    put16(at + 2, (uint16_t)((uint32_t)value >> 16));
-}
-
-static uint16_t get16(const uint8_t *at) { return (uint16_t)(at[0] | at[1] << 8); }
-
-static int32_t get32(const uint8_t *at) { return (int32_t)((uint32_t)get16(at) | (uint32_t)get16(at + 2) << 16); }
+// The processors of computer and paddle are little endian, as the frame is.
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ && sizeof(kn_paddle_frame) == 16, "layout of a frame");
+enum { LETTERS = sizeof frame_begin, CHECKED = LETTERS + sizeof(kn_paddle_frame) }; // numbers of bytes
 
 void kn_paddle_frame_encode(const kn_paddle_frame *frame, uint8_t bytes[KN_PADDLE_FRAME_SIZE])
 {
-    memcpy(bytes, frame_begin, sizeof frame_begin);
-    bytes[2] = (uint8_t)frame->kind;
-    bytes[3] = frame->flags;
-    put16(bytes + 4, frame->seq);
-    put32(bytes + 6, frame->position_nm);
-    put32(bytes + 10, frame->velocity_um_s);
-    put32(bytes + 14, frame->force_un);
-    put16(bytes + 18, kn_paddle_frame_crc(bytes, 18));
+    memcpy(bytes, frame_begin, LETTERS);
+    memcpy(bytes + LETTERS, frame, sizeof *frame);
+    const uint16_t crc = kn_paddle_frame_crc(bytes, CHECKED);
+    memcpy(bytes + CHECKED, &crc, sizeof crc);
 }
 
 // Drop the first byte of the buffer and all following bytes that cannot begin a frame.
@@ -69,24 +52,20 @@ static void skip(kn_paddle_decoder *d)
 
 bool kn_paddle_decoder_push(kn_paddle_decoder *d, uint8_t byte, kn_paddle_frame *frame)
 {
-    const uint8_t *b = d->bytes;
+    uint16_t crc;
     // The buffer must begin with the letters K N, or with K if it has one byte.
     if (d->count == 0 && byte != frame_begin[0]) return d->skipped++, false;
     d->bytes[d->count++] = byte;
     if (d->count == 2 && byte != frame_begin[1]) skip(d);
     if (d->count < KN_PADDLE_FRAME_SIZE) return false;
+    memcpy(&crc, d->bytes + CHECKED, sizeof crc);
     // If checksum or kind is wrong, search for the next frame inside the bytes already read.
-    if (get16(b + 18) != kn_paddle_frame_crc(b, 18) || b[2] != d->kind) {
+    if (crc != kn_paddle_frame_crc(d->bytes, CHECKED) || d->bytes[LETTERS] != d->kind) {
         d->bad++;
         skip(d);
         return false;
     }
-    *frame = (kn_paddle_frame){.kind = d->kind,
-                               .flags = b[3],
-                               .seq = get16(b + 4),
-                               .position_nm = get32(b + 6),
-                               .velocity_um_s = get32(b + 10),
-                               .force_un = get32(b + 14)};
+    memcpy(frame, d->bytes + LETTERS, sizeof *frame);
     d->count = 0;
     uint16_t gap = (uint16_t)(frame->seq - d->seq - 1);
     // If seq jumps by half its range or more, the sender has restarted its counter, so count no lost frames.

@@ -29,8 +29,8 @@ enum {                         // flags of a state frame; bits 4..7 are buttons 
 };
 enum { KN_PADDLE_FRAME_ENABLE = 1 }; // flag of a command frame: the motor may give force
 
-typedef struct kn_paddle_frame {
-    kn_paddle_frame_kind kind;
+typedef struct kn_paddle_frame { // laid out as bytes 2 to 17 of the frame
+    uint8_t kind;                // kn_paddle_frame_kind
     uint8_t flags;
     uint16_t seq; // increases by 1 with every frame; 65535 is followed by 0
     int32_t position_nm, velocity_um_s;
