@@ -94,6 +94,14 @@ void kn_console_lines(int fd, const char *text)
 
 bool kn_console_complete(int fd) { return !atomic_load(&failed[fd]) && atomic_load(&dropped[fd]) == 0; }
 
+int kn_console_end(const char *program, int code)
+{
+    // Evaluate both fflush and ferror (hence | and not ||), because fflush alone does not report an earlier error.
+    if (!(fflush(stdout) | ferror(stdout)) && kn_console_complete(STDOUT_FILENO)) return code;
+    kn_console_err("%s: standard output could not be written completely", program);
+    return code ? code : 3;
+}
+
 bool kn_refuse(char *error, size_t error_size, const char *format, ...)
 {
     va_list arguments;

@@ -30,6 +30,10 @@ void kn_console_lines(int fd, const char *text); // write whole lines to STDOUT_
 // Return true if no write to this descriptor has failed, and every dropped line has been reported by a later line.
 bool kn_console_complete(int fd);
 
+// Return the exit code of a program: `code`, or 3 instead of 0 if standard output could not be written completely, which
+// a line on stderr then says.
+int kn_console_end(const char *program, int code);
+
 // Write a one-line reason into `error`, for the caller to print. Always return false, so that a function can fail with
 // `return kn_refuse(...)`.
 bool kn_refuse(char *error, size_t error_size, const char *format, ...) __attribute__((format(printf, 3, 4)));

@@ -158,8 +158,5 @@ int main(int argc, char **argv)
     const char **sets = calloc(2 * (size_t)argc, sizeof *sets);
     int code = sets ? run(argc, argv, sets) : 70;
     free(sets);
-    // Evaluate both fflush and ferror (hence | and not ||), because fflush alone does not report an earlier error.
-    if (!(fflush(stdout) | ferror(stdout)) && kn_console_complete(STDOUT_FILENO)) return code;
-    kn_console_err("kneadd: standard output could not be written completely");
-    return code ? code : 3;
+    return kn_console_end("kneadd", code);
 }

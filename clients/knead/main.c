@@ -2,6 +2,7 @@
 #include "clients/cli/commands.h"
 #include "clients/cli/result.h"
 #include "core/scene/keys.h"
+#include "server/console.h"
 #include "server/rt.h"
 #include <stdbool.h>
 #include <stdio.h>
@@ -75,9 +76,5 @@ int main(int argc, char **argv)
 {
     int code = kn_command_run(argc, argv);
     kn_result_close(code);
-    // Check the result of fflush and the error flag of stdout, because fflush does not report an error of an earlier
-    // write.
-    if (!(fflush(stdout) | ferror(stdout))) return code;
-    fputs("knead: standard output could not be written completely\n", stderr);
-    return code == KN_EXIT_OK ? KN_EXIT_DEVICE : code;
+    return kn_console_end("knead", code);
 }

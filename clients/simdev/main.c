@@ -1,5 +1,6 @@
 // knead-simdev: a simulated circuit for users without a board. This file is its command line.
 #include "clients/simdev/simdev.h"
+#include "server/console.h"
 #include "server/option_table.h"
 #include <errno.h>
 #include <limits.h>
@@ -43,10 +44,8 @@ static void help(void)
          "  --fault NAME[=RATE],...\n"
          "                    inject faults at random into the share RATE of the requests (not with --pci; RATE: 0.01\n"
          "                    if it is not given). Without --fault there are none:");
-#define KN_LINK_FAULT_HELP(name, word, frames, what)                                                                   \
-    printf("      %-12s %s%s\n", #word, what, frames ? " (--uart)" : "");
-    KN_LINK_FAULTS(KN_LINK_FAULT_HELP)
-#undef KN_LINK_FAULT_HELP
+    for (const kn_link_fault_kind *f = kn_link_fault_kinds; f < kn_link_fault_kinds + KN_LINK_FAULT_COUNT; f++)
+        printf("      %-12s %s%s\n", f->word, f->what, f->frames ? " (--uart)" : "");
     puts("\nExamples:\n"
          "    knead-simdev --uart --link board\n"
          "    knead-simdev --bar knead-card --fault delay=0.001,hang --seed 2\n\n"
@@ -103,7 +102,7 @@ static int serve(kn_simdev *s, const options *o, char **qemu)
     const char *before = o->uart && s->engine.hear ? " behind knead_link" : "";
     printf("%s%s: %lld requests", s->engine.name, before, (long long)s->requests);
     for (int i = 0; i < KN_LINK_FAULT_COUNT; i++)
-        if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_link_fault_word((kn_link_fault)i));
+        if (s->faults.done[i]) printf(", %lld %s", (long long)s->faults.done[i], kn_link_fault_kinds[i].word);
     putchar('\n');
     s->engine.destroy(s->engine.bus.self);
     return good ? 0 : 3;
@@ -146,8 +145,8 @@ static int run(int argc, char **argv)
     if (o.bar && (!*o.bar || *o.bar == '.' || strlen(o.bar) > 199 || strchr(o.bar, '/')))
         return bad(o.bar, "--bar with a name of 1 to 199 letters, without /");
     for (int i = 0; !o.uart && i < KN_LINK_FAULT_COUNT; i++)
-        if (s.faults.rate[i] > 0 && (o.pci || kn_link_fault_of_frames((kn_link_fault)i)))
-            return bad(kn_link_fault_word((kn_link_fault)i),
+        if (s.faults.rate[i] > 0 && (o.pci || kn_link_fault_kinds[i].frames))
+            return bad(kn_link_fault_kinds[i].word,
                        o.pci ? "--uart or --bar: --pci has no faults" : "--uart, because memory has no frames");
     if (o.rtl && o.sized) return bad("--caps", "--engine golden, because the circuit is built for 10,14,10");
     if (o.rtl && s.faults.rate[KN_LINK_FAULT_TORN] > 0)
@@ -160,11 +159,4 @@ static int run(int argc, char **argv)
     return serve(&s, &o, argv + optind);
 }
 
-int main(int argc, char **argv)
-{
-    int code = run(argc, argv);
-    // Check both results, because fflush does not report an error of an earlier write.
-    if (!(fflush(stdout) | ferror(stdout))) return code;
-    fputs("knead-simdev: standard output could not be written completely\n", stderr);
-    return code ? code : 3;
-}
+int main(int argc, char **argv) { return kn_console_end("knead-simdev", run(argc, argv)); }

@@ -7,19 +7,11 @@
 #include <stdio.h>
 #include <string.h>
 
-// Name of each fault on the command line, and whether the fault applies to frames only.
-static const struct {
-    const char *word;
-    bool frames;
-} faults_known[KN_LINK_FAULT_COUNT] = {
-#define KN_LINK_FAULT_ROW(name, word, frames, what) [KN_LINK_FAULT_##name] = {#word, frames},
+const kn_link_fault_kind kn_link_fault_kinds[KN_LINK_FAULT_COUNT] = {
+#define KN_LINK_FAULT_ROW(name, word, frames, what) [KN_LINK_FAULT_##name] = {#word, what, frames},
     KN_LINK_FAULTS(KN_LINK_FAULT_ROW)
 #undef KN_LINK_FAULT_ROW
 };
-
-const char *kn_link_fault_word(kn_link_fault fault) { return faults_known[fault].word; }
-
-bool kn_link_fault_of_frames(kn_link_fault fault) { return faults_known[fault].frames; }
 
 // Parse one entry, NAME or NAME=RATE, and set the rate of this fault.
 static bool parse_one(kn_link_faults *f, const char *entry)
@@ -28,7 +20,8 @@ static bool parse_one(kn_link_faults *f, const char *entry)
     double rate = 0.01;
     if (entry[name] && !kn_number_take(entry + name + 1, 0, 1, &rate)) return false;
     for (int i = 0; i < KN_LINK_FAULT_COUNT; i++) {
-        if (strlen(faults_known[i].word) != name || strncmp(faults_known[i].word, entry, name) != 0) continue;
+        const char *word = kn_link_fault_kinds[i].word;
+        if (strlen(word) != name || strncmp(word, entry, name) != 0) continue;
         f->rate[i] = rate;
         return true;
     }

@@ -33,8 +33,11 @@ typedef struct kn_link_faults {
     uint64_t seed;
 } kn_link_faults;
 
-const char *kn_link_fault_word(kn_link_fault fault);
-bool kn_link_fault_of_frames(kn_link_fault fault);
+typedef struct kn_link_fault_kind {
+    const char *word, *what;
+    bool frames;
+} kn_link_fault_kind;
+extern const kn_link_fault_kind kn_link_fault_kinds[KN_LINK_FAULT_COUNT];
 
 // Parse "NAME[=RATE],...". A rate is 0 .. 1, by default 0.01. Return false with the wrong entry in bad.
 bool kn_link_faults_parse(kn_link_faults *faults, const char *text, char bad[64]);
