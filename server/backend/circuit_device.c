@@ -101,12 +101,11 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
                       "%s: BUILD_HASH is 0x%08x: expected 0x%08x, a circuit built with these formats and registers",
                       d->uri, words[2], (unsigned)KN_BUILD_HASH);
     d->broken = false;
-    d->caps = (kn_device_caps){words[1], power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
+    d->caps = (kn_device_caps){power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];
     // A circuit whose register SCRATCH has the number of the loaded image still has the unchanging part of this image.
     d->shaped = d->shaped && (words[4 + AT_SCRATCH] == d->nonce || words[4 + AT_SCRATCH] == kn_device_kept(d));
-    d->stats.resyncs += d->state == KN_DEVICE_LOST;
     d->state = KN_DEVICE_IDENTIFIED;
     return KN_LINK_OK;
 }
@@ -128,7 +127,6 @@ static kn_link_status accept_load(kn_device *d, const uint32_t *words)
     if (d->arrived) {
         d->job = IDLE;
         d->state = KN_DEVICE_SYNCED;
-        d->stats.loads++;
         return KN_LINK_OK;
     }
     words += 2; // skip the words of the two WAITs
@@ -236,7 +234,6 @@ static kn_link_status accept_read(kn_device *d, const uint32_t *words)
 static kn_link_status accept(kn_device *d, const kn_reply *reply)
 {
     const uint32_t *words = reply->words + kn_device_waits(d);
-    d->stats.requests++;
     switch (d->job) {
     case IDENTIFY: {
         kn_link_status status = accept_identify(d, words);
@@ -302,10 +299,8 @@ static kn_link_status repeat(kn_device *d, kn_link_status status)
 // added up for kn_device_load_ns.
 static kn_link_status answered(kn_device *d, const kn_reply *reply)
 {
-    if (reply->status != KN_REPLY_OK) { // the circuit refused the request, or was busy for longer than the WAIT lasts
-        d->stats.refused++;
-        return repeat(d, KN_LINK_PROTOCOL);
-    }
+    // the circuit refused the request, or was busy for longer than the WAIT lasts
+    if (reply->status != KN_REPLY_OK) return repeat(d, KN_LINK_PROTOCOL);
     if (d->job == LOAD) {
         d->load_bytes += d->request.size + 4 * reply->count + 16;
         d->load_ns += kn_now_ns() - d->sent_ns;
@@ -369,10 +364,8 @@ kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
 // Add the counters of the open link to a sum.
 static void add_counts(const kn_device *d, kn_link_counts *sum)
 {
-    if (!d->linked) return;
-    const kn_link_counts *now = d->link.counts;
-    sum->sent += now->sent;
-    sum->received += now->received;
+    const kn_link_counts *now = d->linked ? d->link.counts : NULL;
+    if (!now) return;
     sum->crc += now->crc;
     sum->coding += now->coding;
     sum->stray += now->stray;
@@ -504,7 +497,6 @@ kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_resul
     if (d->job != STEP) return refuse(d, KN_LINK_PROTOCOL, "%s: expected a step under way", d->uri);
     kn_link_status status = drive(d, deadline_ns);
     if (status == KN_LINK_OK) *result = d->result;
-    d->stats.late += status == KN_LINK_LATE;
     return status;
 }
 

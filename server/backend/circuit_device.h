@@ -34,7 +34,6 @@ typedef enum kn_device_state {
 typedef struct kn_device kn_device;
 
 typedef struct kn_device_caps {
-    uint32_t version;
     // Largest numbers of nodes, edges and bounds (nodes under tools) that the circuit accepts.
     int32_t nodes, edges, bounds;
 } kn_device_caps;
@@ -51,13 +50,9 @@ typedef struct kn_device_result { // result of one tick
 typedef struct kn_device_stats {
     kn_link_counts link;
     int64_t steps;    // number of results returned to the caller
-    int64_t requests; // number of requests that were answered
     int64_t retries;  // number of requests that were sent again
     int64_t timeouts; // number of requests that were not answered in time
-    int64_t refused;  // number of requests that the circuit answered with an error
-    int64_t late;     // number of calls of wait that ended at their deadline
-    // Numbers of times that the device was lost; was identified after a loss; was loaded.
-    int64_t lost, resyncs, loads;
+    int64_t lost;     // number of times that the device was lost
     // Median, 99th percentile and maximum of the time from submit to result, ns; accurate to 9 %.
     int64_t p50_ns, p99_ns, max_ns;
 } kn_device_stats;

@@ -42,21 +42,19 @@ typedef enum kn_link_status {
 const char *kn_link_words(kn_link_status status); // return the status in words: "late", "wrong checksum", ...
 
 typedef struct kn_link_counts {
-    int64_t sent, received; // numbers of requests sent and of replies received
     // Numbers of frames dropped: wrong checksum; wrong COBS coding or length; good frame, but no reply to the present
     // request.
     int64_t crc, coding, stray;
 } kn_link_counts;
 
 typedef struct kn_link {
-    const char *name;             // "uart", "pty", "pcie", "shm"
     kn_shadow shadow;             // option ?shadow
     bool goes_on;                 // option ?lost=go-on
     int64_t miss_ns;              // time until an unanswered request is sent again (option ?miss), ns
     int64_t byte_ns;              // time of one byte on the serial line, ns; 0: the link is no serial line
     bool isolated;                // true: opened by vfio-pci; kn_link_open then never opens this card by sysfs
     const char *notice;           // one line on what this way to the card costs; NULL: none
-    const kn_link_counts *counts; // valid until the link is closed
+    const kn_link_counts *counts; // valid until the link is closed; NULL: memory, which has no frames
     void *self;
     kn_link_status (*submit)(void *self, const kn_request *request); // send a request, which is copied
     // Wait for the reply until deadline_ns of CLOCK_MONOTONIC; if the deadline has passed, check once. Return LATE as

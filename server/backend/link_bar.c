@@ -34,7 +34,6 @@ typedef struct bar {
     uint32_t words;
     volatile uint32_t *word;
     kn_shm *shm; // doorbell of a simulated device; NULL: a real card, which notices each store
-    kn_link_counts counts;
     // The request under way. `ones`: a word of all ones was read; `at`: position of the present operation; `done`:
     // number of its words that are done.
     bool asked, ones;
@@ -216,7 +215,6 @@ static kn_link_status submit(void *self, const kn_request *request)
     b->ones = false;
     b->at = 2;
     b->done = 0;
-    b->counts.sent++;
     advance(b); // so that the circuit begins at once, and works while the caller does other things
     return KN_LINK_OK;
 }
@@ -228,7 +226,6 @@ static kn_link_status look(bar *b, kn_reply *reply)
     if (b->ones && b->word[KN_REG_ID] == UINT32_MAX) return KN_LINK_GONE;
     if (status != KN_LINK_OK) return status;
     b->asked = false;
-    b->counts.received++;
     *reply = b->reply;
     return KN_LINK_OK;
 }
@@ -264,7 +261,7 @@ static void close_bar(void *self)
 // ---- opening
 
 // Create a link without registers. Return NULL if memory is short.
-static bar *create(kn_link *link, const char *name, char why[KN_LINK_WHY])
+static bar *create(kn_link *link, char why[KN_LINK_WHY])
 {
     bar *b = calloc(1, sizeof *b);
     if (!b) {
@@ -272,9 +269,7 @@ static bar *create(kn_link *link, const char *name, char why[KN_LINK_WHY])
         return NULL;
     }
     memset(b->fd, -1, sizeof b->fd);
-    *link = (kn_link){.name = name,
-                      .isolated = link->isolated,
-                      .counts = &b->counts,
+    *link = (kn_link){.isolated = link->isolated,
                       .self = b,
                       .submit = submit,
                       .wait = wait_reply,
@@ -333,7 +328,7 @@ bool kn_link_shm(kn_link *link, const char *name, char why[KN_LINK_WHY])
 {
     char path[KN_LINK_URI + 16];
     snprintf(path, sizeof path, "/dev/shm/%.200s", name);
-    bar *b = create(link, "shm", why);
+    bar *b = create(link, why);
     return finish(b, b && open_file(b, path, true, why));
 }
 
@@ -394,7 +389,7 @@ static bool open_vfio(bar *b, const char *function, const char *group, char why[
 bool kn_link_pcie(kn_link *link, const char *function, const char *sysfs, char why[KN_LINK_WHY])
 {
     char path[2 * KN_LINK_URI], driver[KN_LINK_CARD], group[KN_LINK_CARD];
-    bar *b = create(link, "pcie", why);
+    bar *b = create(link, why);
     if (kn_link_vfio(sysfs, function, driver, group)) {
         link->isolated = true;
         return finish(b, b && open_vfio(b, function, group, why));

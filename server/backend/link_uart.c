@@ -57,7 +57,6 @@ static kn_link_status submit(void *self, const kn_request *request)
     if (u->down != KN_LINK_OK) return u->down;
     u->request = *request;
     u->asked = true;
-    u->counts.sent++;
     u->out[0] = 0;
     u->out_at = 0;
     u->out_size = 1 + kn_framer_encode(request->bytes, request->size, u->out + 1);
@@ -79,7 +78,6 @@ static kn_link_status hear(uart *u, kn_reply *reply)
         // dropped).
         if (payload && u->asked && kn_reply_parse(reply, &u->request, f->bytes, payload)) {
             u->asked = false;
-            u->counts.received++;
             return KN_LINK_OK;
         }
         if (payload) u->counts.stray++;
@@ -222,8 +220,7 @@ bool kn_link_uart(kn_link *link, const char *path, int baud, const char *sysfs, 
         free(u);
         return false;
     }
-    *link = (kn_link){.name = baud ? "uart" : "pty",
-                      .byte_ns = baud ? 10000000000 / baud : 0,
+    *link = (kn_link){.byte_ns = baud ? 10000000000 / baud : 0,
                       .counts = &u->counts,
                       .self = u,
                       .submit = submit,
