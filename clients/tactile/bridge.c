@@ -157,8 +157,6 @@ void kn_bridge_moved(kn_bridge *b, const kn_tactile_pose *device)
     answer(b);
 }
 
-// Take a force message. The session decides whether the force is accepted. The device gets the newest force only after
-// all waiting messages have been read.
 static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
@@ -168,7 +166,6 @@ static void on_force(const lcm_recv_buf_t *buf, const char *channel, void *self)
     b->heard |= kn_device_session_take(&b->now.session, &f, 1e-9 * (double)(kn_now_ns() - f.sent_ns));
 }
 
-// Update the local model with a contact message.
 static void on_contact(const lcm_recv_buf_t *buf, const char *channel, void *self)
 {
     (void)channel;
@@ -254,7 +251,6 @@ static void on_stop(struct ev_loop *ev, ev_async *watcher, int events)
     ev_break(ev, EVBREAK_ALL);
 }
 
-// Join the bus and subscribe to force messages. Contact messages are needed for the local model only.
 static bool open_bus(kn_bridge *b)
 {
     b->bus = kn_bus_client_open(b->url, KN_FORCE_URL, b->error, b->error_size);
@@ -281,7 +277,7 @@ static bool watch(kn_bridge *b)
     return true;
 }
 
-// Tell kneadd that the hand leaves the tool, switch the motors off and close the device.
+// Tell kneadd that the hand leaves the tool, and close the device.
 static void let_go(kn_bridge *b)
 {
     if (b->last.session) {

@@ -1,15 +1,8 @@
 #ifndef KN_CLIENTS_BRIDGE_H
 #define KN_CLIENTS_BRIDGE_H
 // Bridge between a real device and kneadd. Its real-time thread sleeps until a pose or a force arrives, and passes the
-// message on at once, without waiting for a timer tick. A pose of the device goes to kneadd, and a force of kneadd goes
-// to the device. With the local model, the force goes to the device right after each pose.
-//
-//                 moved()                 KNEAD_POSE_<probe>
-//     device  -------------->  bridge  ---------------------->  kneadd
-//             <--------------          <----------------------
-//                 give()      session    KNEAD_FORCE_<probe>, KNEAD_CONTACT_<probe>
-//                                |
-//                                +-- 1 ms timer: watchdogs, fading of the force, reopening of a lost device
+// message on at once, without waiting for a timer tick. With the local model, the force goes to the device right after
+// each pose. A timer of 1 ms runs the watchdogs, fades the force and opens a lost device again. README.md draws it.
 //
 // The session (device_session.h) is the part of the bridge that holds the watchdogs and the output stage. The thread
 // does not print, and blocks only in the calls of a maker's library (vendor.h). It posts its counters and messages as
@@ -76,8 +69,7 @@ typedef struct kn_tactile {
     bool answers;
     // The driver sets TRUSTED or UNPROVED at each opening. If it sets UNPROVED, the bridge tests the watchdog.
     kn_own_watchdog watchdog;
-    bool motors; // the newest message of the device says that its motors are on
-    // Counters of the driver.
+    bool motors;      // the newest message of the device says that its motors are on
     int64_t messages; // number of messages of the device that contain a pose
     // bad: number of malformed messages; lost: number of missing messages, from gaps in the sequence numbers.
     int64_t bad, lost;

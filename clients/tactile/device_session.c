@@ -37,7 +37,6 @@ void kn_device_session_give(kn_device_session *t, double now_s)
 
 bool kn_device_session_pose(kn_device_session *t, const double position_m[3], const double velocity_m_s[3])
 {
-    // Refuse a pose that is not finite. A refused pose does not reset the watchdog.
     if (!sane(position_m) || !sane(velocity_m_s)) {
         t->refused++;
         return false;
@@ -55,13 +54,11 @@ bool kn_device_session_pose(kn_device_session *t, const double position_m[3], co
 
 bool kn_device_session_take(kn_device_session *t, const knead_contact_force_t *force, double age_s)
 {
-    // Refuse a force of another session. While the mode is SILENT, refuse every force.
     if (force->session != t->session || t->mode == KN_SESSION_SILENT) {
         t->foreign += force->session != t->session;
         return false;
     }
-    // Refuse a force whose tick is not newer than that of the last force. A recorded or repeated message must not reset
-    // the watchdog.
+    // a recorded or repeated message
     if (force->tick <= t->tick) {
         t->late++;
         return false;
@@ -70,7 +67,7 @@ bool kn_device_session_take(kn_device_session *t, const knead_contact_force_t *f
     // so their age is more than the round trip.
     bool first = force->seq > t->answered && force->seq <= t->seq;
     if (!kn_haptic_render_force(&t->render, force->force_n, first ? age_s : -1.0)) {
-        t->refused++; // a refused force does not reset the watchdog
+        t->refused++;
         return false;
     }
     if (first) t->answered = force->seq;
@@ -82,7 +79,6 @@ bool kn_device_session_take(kn_device_session *t, const knead_contact_force_t *f
     return true;
 }
 
-// Begin a new session with zero force, and rearm both watchdogs.
 static void begin_anew(kn_device_session *t)
 {
     t->mode = KN_SESSION_HELD;
@@ -94,9 +90,7 @@ static void begin_anew(kn_device_session *t)
     kn_watchdog_rearm(&t->poses);
 }
 
-// Return true if the session must end, so that a new one can begin. There are three reasons: kneadd's impulse guard has
-// tripped; this program's impulse guard has tripped and the force has faded; or a link that was too slow has become
-// fast enough again.
+// Return true if the session must end, so that a new one can begin.
 static bool wants_anew(kn_device_session *t)
 {
     const kn_haptic_render *r = &t->render;

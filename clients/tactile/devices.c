@@ -216,10 +216,8 @@ int kn_devices_find(const char *root, kn_found *found)
     // search for USB devices tells whether a puck is present.
     int n = 2;
     memset(found, 0, KN_DEVICES_MAX * sizeof *found);
-    const char *const ttys[] = {"ACM", "USB"};
-    for (int k = 0; k < 2; k++) {
-        snprintf(pattern, sizeof pattern, "%s/dev/tty%s*", root, ttys[k]);
-        if (glob(pattern, 0, NULL, &list) != 0) continue;
+    snprintf(pattern, sizeof pattern, "%s/dev/tty{ACM,USB}*", root);
+    if (glob(pattern, GLOB_BRACE, NULL, &list) == 0) {
         for (size_t i = 0; i < list.gl_pathc && n < KN_DEVICES_MAX; i++) find_tty(&found[n++], root, list.gl_pathv[i]);
         globfree(&list);
     }

@@ -51,6 +51,7 @@ static const char help[] =
 #define CHECKS_MAX (16 + 2 * KN_DEVICES_MAX)
 #define LOCKED_BYTES ((size_t)64 << 20) // memory that kneadd locks for a large object
 #define BUFFER_BYTES (1 << 20)          // socket buffer that server/bus.c requests
+#define JOIN_KNEAD "sudo groupadd -fr knead; sudo usermod -aG knead $USER; log in again"
 
 typedef struct check {
     char name[16];
@@ -120,16 +121,11 @@ static void look_at_limits(findings *f)
     int error = attempt(take_priority);
     check *c = add(f, "priority", !error, error ? "no SCHED_FIFO %d: %s" : "SCHED_FIFO %d is granted", KN_RT_SERVO,
                    strerror(error));
-    fix(c,
-        "in /etc/security/limits.d/knead.conf: @knead - rtprio %d; sudo groupadd -fr knead; sudo usermod -aG knead "
-        "$USER; log in again",
-        KN_RT_SERVO);
+    fix(c, "in /etc/security/limits.d/knead.conf: @knead - rtprio %d; " JOIN_KNEAD, KN_RT_SERVO);
     error = attempt(lock_memory);
     c = add(f, "memory", !error, error ? "%zu MiB cannot be locked: %s" : "%zu MiB can be locked", LOCKED_BYTES >> 20,
             strerror(error));
-    fix(c,
-        "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; sudo groupadd -fr knead; sudo usermod -aG "
-        "knead $USER; log in again");
+    fix(c, "in /etc/security/limits.d/knead.conf: @knead - memlock unlimited; " JOIN_KNEAD);
     // The kernel lets real-time threads run for a limited part of each second. A limit below 90 % could stop a busy
     // servo loop. A negative value means no limit.
     char word[32];
@@ -223,8 +219,10 @@ static void look_at_group(findings *f, const struct group *group, const char *wh
     snprintf(name, sizeof name, "%s", group->gr_name);
     gid_t id = group->gr_gid;
     bool needed = geteuid() != 0, has = has_group(id, false), soon = has_group(id, true);
-    check *c = add(f, "group", !needed || has, "%s, %s: %s", name, whose, has ? "a member" : "not a member");
-    if (!needed && !has) snprintf(c->found, sizeof c->found, "%s, %s: root need not be a member", name, whose);
+    check *c = add(f, "group", !needed || has, "%s, %s: %s", name, whose,
+                   has      ? "a member"
+                   : needed ? "not a member"
+                            : "root need not be a member");
     if (soon) fix(c, "log in again: this session is older than the membership");
     else fix(c, "sudo usermod -aG %s $USER; log in again", name);
 }

@@ -346,7 +346,7 @@ static void begin(kn_device *d, job next, int position)
     d->misses = 0;
 }
 
-// ---- functions of device.h
+// ---- functions of circuit_device.h
 
 kn_device *kn_device_open(const char *uri, char why[KN_LINK_WHY])
 {
@@ -406,7 +406,6 @@ kn_link_status kn_device_identify(kn_device *d, int64_t deadline_ns)
     return drive(d, deadline_ns);
 }
 
-// The image must be valid and within the circuit's capacity.
 static kn_link_status fits(kn_device *d, const kn_fixed_image *image)
 {
     const char *wrong = kn_fixed_check(image);
@@ -436,7 +435,6 @@ static uint32_t crc_of(const kn_fixed_image *image)
     return (uint32_t)crc32(crc, (const Bytef *)image->edge, (uInt)((size_t)c->edge_count * sizeof *image->edge));
 }
 
-// The same call with the same arguments continues a job that was late.
 kn_link_status kn_device_load(kn_device *d, const kn_fixed_image *image, const kn_fixed *state, int64_t deadline_ns)
 {
     if (d->job == LOAD && d->image == image && d->from == state) return drive(d, deadline_ns);
@@ -500,7 +498,7 @@ kn_link_status kn_device_wait(kn_device *d, int64_t deadline_ns, kn_device_resul
     return status;
 }
 
-// Read from the circuit between two ticks. The same call continues a job that was late.
+// Read from the circuit between two ticks.
 static kn_link_status fetch(kn_device *d, job next, int position, void *into, int64_t deadline_ns)
 {
     if (d->job != next || d->into != into) {

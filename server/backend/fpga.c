@@ -26,7 +26,6 @@ static void blame(fpga *f, kn_loss loss)
     atomic_fetch_add(&f->because[loss], 1);
 }
 
-// Return the reason of a failed call. Only for the thread that uses the device.
 kn_loss kn_fpga_cause(const fpga *f, kn_link_status status)
 {
     const kn_loss loss = kn_device_loss(f->device);
@@ -64,7 +63,6 @@ static void tell(fpga *f)
 
 static slot *oldest(fpga *f) { return &f->queue.slot[atomic_load(&f->done) % f->queue.length]; }
 
-// Return true if the circuit's reactions and residual equal the twin's.
 bool kn_fpga_equal(const slot *s, const kn_device_result *r)
 {
     return r->count == s->count && r->residual == s->residual &&
@@ -129,7 +127,6 @@ static void leave(fpga *f)
     wake(f);
 }
 
-// Record a loss and hand the device to the thread.
 void kn_fpga_lose(fpga *f, kn_loss loss)
 {
     blame(f, loss);
@@ -317,13 +314,6 @@ static bool catch_up(fpga *f)
     return false;
 }
 
-static bool identify(fpga *f)
-{
-    kn_link_status status = kn_device_identify(f->device, kn_now_ns() + KN_FPGA_ANSWER_NS);
-    if (status != KN_LINK_OK) blame(f, kn_fpga_cause(f, status));
-    return status == KN_LINK_OK;
-}
-
 // A circuit that gave wrong numbers may hold another object than the one loaded, and the checksum of its state does not
 // cover the object. So make the next load send the whole object. Pause before the next attempt, since it may fail as
 // quickly.
@@ -340,7 +330,9 @@ static bool get_in_step(fpga *f)
 {
     kn_device_be_patient(f->device, true);
     distrust(f);
-    if (!identify(f) || !prepare(f)) return false;
+    const kn_link_status status = kn_device_identify(f->device, kn_now_ns() + KN_FPGA_ANSWER_NS);
+    if (status != KN_LINK_OK) blame(f, kn_fpga_cause(f, status));
+    if (status != KN_LINK_OK || !prepare(f)) return false;
     // Ask the servo for a copy and wait until it has taken one; ticks are queued from that moment on.
     atomic_store(&f->copy_is, WANTED);
     while (!atomic_load(&f->stop) && atomic_load(&f->copy_is) == WANTED) kn_clock_sleep(kn_now_ns() + LOOK_NS);
