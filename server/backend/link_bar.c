@@ -22,7 +22,7 @@
 
 // Codes of the operations; time of polling before the first sleep, ns; time of a sleep, ns; largest number of links
 // that are open at once.
-enum { READ = 1, WRITE = 2, SPIN_NS = 10000, NAP_NS = 20000, WATCHED = 4 };
+enum { WRITE = 2, WAIT = 3, SPIN_NS = 10000, NAP_NS = 20000, WATCHED = 4 };
 
 // Descriptors: the file or the device with the registers; the device's IOMMU group and its container (vfio-pci); what is
 // read once a request and tells that the card is removed (a card).
@@ -144,56 +144,40 @@ static bool put(bar *b, uint32_t address, uint32_t word)
 
 // ---- operations
 
-// Answer with a bus error and skip the rest of the request.
-static kn_link_status refuse(bar *b)
+// Write words. Return false if the doorbell is not free; the next call continues with the same word.
+static bool write_words(bar *b, const uint8_t *words, uint32_t address, uint32_t count)
 {
-    b->reply.status = KN_REPLY_BUS;
-    b->at = b->request.size;
-    return KN_LINK_OK;
-}
-
-static kn_link_status read_words(bar *b, uint32_t address, uint32_t count)
-{
-    if (address + count > b->words) return refuse(b);
-    for (uint32_t i = 0; i < count; i++) b->reply.words[b->reply.count++] = get(b, address + i);
-    b->at += 5;
-    return KN_LINK_OK;
-}
-
-// Write words. If the doorbell is not free, return LATE; the next call continues with the same word.
-static kn_link_status write_words(bar *b, const uint8_t *words, uint32_t address, uint32_t count)
-{
-    if (address + count > b->words) return refuse(b);
     for (; b->done < count; b->done++)
-        if (!put(b, address + (uint32_t)b->done, kn_framer_number(words + 4 * b->done, 4))) return KN_LINK_LATE;
+        if (!put(b, address + (uint32_t)b->done, kn_framer_number(words + 4 * b->done, 4))) return false;
     b->done = 0;
-    b->at += 5 + 4 * (size_t)count;
-    return KN_LINK_OK;
-}
-
-static kn_link_status wait_word(bar *b, const uint8_t *operation, uint32_t address)
-{
-    if (address >= b->words) return refuse(b);
-    uint32_t word = get(b, address);
-    if ((word & kn_framer_number(operation + 3, 4)) != kn_framer_number(operation + 7, 4)) return KN_LINK_LATE;
-    b->reply.words[b->reply.count++] = word;
-    b->at += 14;
-    return KN_LINK_OK;
+    return true;
 }
 
 // Execute the request as far as possible. Return LATE if a WAIT has not yet read its value, or if the doorbell is not
-// free.
+// free. A word beyond the registers is answered with a bus error, without the operations after it.
 static kn_link_status advance(bar *b)
 {
-    kn_link_status status = KN_LINK_OK;
-    while (status == KN_LINK_OK && b->at < b->request.size) {
-        const uint8_t *operation = b->request.bytes + b->at + 1;
-        uint32_t address = kn_framer_number(operation, 3), what = operation[-1];
-        if (what == READ) status = read_words(b, address, operation[3]);
-        else if (what == WRITE) status = write_words(b, operation + 4, address, operation[3]);
-        else status = wait_word(b, operation, address);
+    while (b->at < b->request.size) {
+        const uint8_t what = b->request.bytes[b->at], *operation = b->request.bytes + b->at + 1;
+        const uint32_t address = kn_framer_number(operation, 3), count = what == WAIT ? 1 : operation[3];
+        uint32_t *words = b->reply.words + b->reply.count;
+        if (address + count > b->words) {
+            b->reply.status = KN_REPLY_BUS;
+            b->at = b->request.size;
+            return KN_LINK_OK;
+        }
+        if (what == WRITE) {
+            if (!write_words(b, operation + 4, address, count)) return KN_LINK_LATE;
+            b->at += 5 + 4 * (size_t)count;
+            continue;
+        }
+        for (uint32_t i = 0; i < count; i++) words[i] = get(b, address + i);
+        if (what == WAIT && (*words & kn_framer_number(operation + 3, 4)) != kn_framer_number(operation + 7, 4))
+            return KN_LINK_LATE;
+        b->reply.count = (uint16_t)(b->reply.count + count);
+        b->at += what == WAIT ? 14 : 5;
     }
-    return status;
+    return KN_LINK_OK;
 }
 
 // Return true if the kernel has asked for the card, or has removed it.
