@@ -31,10 +31,9 @@ static void access_half(int64_t *v, uint32_t which, uint32_t *word, bool write, 
 // Return the signed number in the lowest `bits` bits of a word.
 static int32_t narrow(uint32_t word, int bits) { return (int32_t)(word << (32 - bits)) >> (32 - bits); }
 
-// ---- windows: each function reads or writes one word of a window, and returns false if there is no such word
+// ---- windows: each function reads or writes one word of a window of hdl/REGISTERS.md, and returns false if there is
+// none
 
-// Access the words of a node: position x (low and high word of each component), mask of the components that never move,
-// displacement u in the last tick, load, three zeros.
 static bool node(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 16, w = at % 16;
@@ -51,7 +50,6 @@ static bool node(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Access the words of a rest position: low and high word of each component, two zeros.
 static bool rest(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 8, w = at % 8;
@@ -77,7 +75,6 @@ static bool write_edge(golden *g, uint32_t n, uint32_t w, uint32_t word)
     return true;
 }
 
-// Access the words of an edge: nodes i + (j << 16), kv, ia, low and high word of h, three zeros (core/fixed.h).
 static bool edge(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 8, w = at % 8;
@@ -90,7 +87,6 @@ static bool edge(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Access the words of a boundary record: node + (holds << 31), value x, y, z (core/fixed.h).
 static bool bound(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     uint32_t n = at / 4, w = at % 4;
@@ -103,7 +99,6 @@ static bool bound(golden *g, uint32_t at, uint32_t *word, bool write)
     return true;
 }
 
-// Access the words of the table of R (core/fixed.h).
 static bool table(golden *g, uint32_t at, uint32_t *word, bool write)
 {
     if (at > KN_FIXED_SEGMENTS) return false;

@@ -69,6 +69,7 @@ typedef struct kn_tactile {
     bool answers;
     // The driver sets TRUSTED or UNPROVED at each opening. If it sets UNPROVED, the bridge tests the watchdog.
     kn_own_watchdog watchdog;
+    bool unwatched;   // --no-watchdog was given: the driver sets TRUSTED
     bool motors;      // the newest message of the device says that its motors are on
     int64_t messages; // number of messages of the device that contain a pose
     // bad: number of malformed messages; lost: number of missing messages, from gaps in the sequence numbers.

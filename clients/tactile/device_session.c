@@ -120,8 +120,6 @@ void kn_device_session_tick(kn_device_session *t, double now_s, int elapsed_ms)
         t->silent_ms = t->silent_ms > elapsed_ms ? t->silent_ms - elapsed_ms : 0;
         if (t->silent_ms == 0 && pose) begin_anew(t);
     }
-    // Compute the force with the present factors of the watchdogs. With the local model, do not compute the force twice
-    // in one tick, except when the session ends.
     if (!t->given || silent || !t->render.def.local) kn_device_session_give(t, now_s);
     t->given = false;
 }

@@ -4,9 +4,6 @@
 // poses, and a second one over kneadd's forces. The module is pure: the caller passes the time, so a test can play both
 // the device and kneadd.
 //
-//     device --pose-->  [ watchdog of poses ] --seq--> kneadd
-//            <-given--  [ output stage (haptic_render.h), watchdogs ] <--force, contact--
-//
 //     HELD --no force for 20 ms; no pose for 20 ms; a trip of an impulse guard, here or in kneadd; -------> SILENT
 //       ^    or a link that was too slow for forces and is fast enough again                                 |
 //       '------------------------------------------- 1.2 s --------------------------------------------------'
@@ -66,9 +63,8 @@ bool kn_device_session_take(kn_device_session *link, const knead_contact_force_t
 // local model, call it after every pose instead.
 void kn_device_session_give(kn_device_session *link, double now_s);
 
-// Advance both watchdogs and the mode by elapsed_ms. Call this function every ms. It also computes render.given_n. With
-// the local model, it computes given_n only in two cases: kn_device_session_give has not run since the last tick, or
-// the mode becomes SILENT in this tick.
+// Advance both watchdogs and the mode by elapsed_ms. Call this function every ms. It also computes render.given_n; with
+// the local model only if kn_device_session_give has not done so since the last tick, or if the session ends.
 void kn_device_session_tick(kn_device_session *link, double now_s, int elapsed_ms);
 
 // Return true if the session allows a force. Only then may the caller enable the motors.

@@ -115,7 +115,6 @@ static int lock_memory(void)
 
 // --- checks of the machine ---
 
-// Check the real-time priority, the locked memory and the kernel's limit on real-time threads.
 static void look_at_limits(findings *f)
 {
     int error = attempt(take_priority);
@@ -138,7 +137,6 @@ static void look_at_limits(findings *f)
     fix(c, "sudo sysctl kernel.sched_rt_runtime_us=950000");
 }
 
-// Check the route of LCM's multicast group and the size of the socket buffers.
 static void look_at_bus(findings *f)
 {
     // In error messages of server/bus.c, this text stands between the problem and the remedy.
@@ -161,7 +159,6 @@ static void look_at_bus(findings *f)
     fix(c, "sudo sysctl net.core.rmem_max=%d", BUFFER_BYTES);
 }
 
-// Check the number of processors, instruction set, clock governor, clock source and kernel.
 static void look_at_processor(findings *f)
 {
     char word[64] = "";

@@ -47,7 +47,6 @@ typedef struct hand_options {
     // scale, force_limit_n: 0 means as in the scene's `device:`. origin_m: valid only if `origin` is not NULL.
     double origin_m[3], scale, force_limit_n;
     double seconds; // time to run; 0: run until a signal
-    // unwatched: --no-watchdog was given, so the device gets force without a test of its watchdog.
     bool local, quiet, unwatched;
     const char *tty; // device file of a paddle's serial line
     int baud;
@@ -312,8 +311,7 @@ static void mount(hand *h, const kn_scene *scene, const kn_probe_def *tool)
     if (o->origin) memcpy(at_m, o->origin_m, sizeof d->position_m);
     else if (at_m[0] == 0.0 && at_m[1] == 0.0 && at_m[2] == 0.0)
         at_m[2] = extent_m[2] + kn_tool_height_m(tool) + above_m;
-    // Apply the option --basis. Its text was checked when the options were parsed.
-    if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error);
+    if (o->basis) kn_mount_basis(d, o->basis, h->error, sizeof h->error); // checked by take_basis
     if (o->scale > 0.0) d->scale = o->scale;
     // Without the option --force-limit, replace the limit of the bench profile, because real devices do not bear so
     // much force.
@@ -485,14 +483,13 @@ static int run(hand *h)
     const kn_device_def *d = &h->render.device;
     kn_bridge_def def = {.url = h->opt.lcm_url, .probe = h->probe, .render = h->render};
     uint32_t random;
-    if (h->opt.kind == KN_HAND_PADDLE) kn_paddle_init(&h->device.paddle, h->opt.tty, h->opt.baud, h->opt.unwatched);
+    if (h->opt.kind == KN_HAND_PADDLE) kn_paddle_init(&h->device.paddle, h->opt.tty, h->opt.baud);
     else if (h->opt.kind == KN_HAND_SPACENAV) kn_spacenav_init(&h->device.spacenav, &h->opt.puck);
     else if (h->opt.kind == KN_HAND_HAPLY)
         kn_haply_init(&h->device.haply, h->opt.host, h->opt.port, h->opt.device_id ? h->opt.device_id : "",
-                      h->opt.preset, h->opt.unwatched);
-    else
-        kn_vendor_init(&h->device.vendor, (kn_vendor_kind)(h->opt.kind - KN_HAND_FORCEDIMENSION), h->opt.device_id,
-                       h->opt.unwatched);
+                      h->opt.preset);
+    else kn_vendor_init(&h->device.vendor, (kn_vendor_kind)(h->opt.kind - KN_HAND_FORCEDIMENSION), h->opt.device_id);
+    h->device.base.unwatched = h->opt.unwatched;
     if (getrandom(&random, sizeof random, 0) != sizeof random) return complain(KN_EXIT_DEVICE, "no random number");
     // The session numbers start at a random multiple of 2^20, plus 1. Each later session has the next number. So the
     // random part of the number stays unchanged in the first million sessions.

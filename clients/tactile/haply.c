@@ -195,7 +195,6 @@ static void send_next(kn_haply *h)
     lws_callback_on_writable(h->wsi);
 }
 
-// Write the next message: a request for the inventory or state, the greeting, or the newest force.
 static int write_message(kn_haply *h)
 {
     char buffer[LWS_PRE + KN_HAPLY_MESSAGE], *text = buffer + LWS_PRE;
@@ -309,7 +308,7 @@ static bool open_haply(kn_tactile *device, kn_bridge *bridge, char *error, size_
     h->length = 0;
     h->silent_ms = 0;
     *h->device_id = 0;
-    h->base.watchdog = h->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
+    device->watchdog = device->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     struct lws_client_connect_info to = {.context = h->context,
                                          .address = h->host,
                                          .port = h->port,
@@ -351,14 +350,13 @@ static void tick(kn_tactile *device, int elapsed_ms)
 {
     kn_haply *h = (kn_haply *)device;
     h->silent_ms += elapsed_ms;
-    // Ask for the inventory again every 500 ms while the wanted arm is missing, and for the state in a test of the
-    // service's watchdog. Report the service as lost if it has not answered for 1 s.
+    // Ask for the inventory while the wanted arm is missing, and for the state in a test of the service's watchdog.
     int ask_ms = !*h->device_id ? inventory_ms : h->base.watchdog == KN_OWN_UNPROVED ? asks_ms : patience_ms;
     if (h->connected && h->silent_ms >= ask_ms) send_next(h);
     if (h->silent_ms >= patience_ms) kn_bridge_lost(h->bridge, "the Inverse Service has not answered for 1 s");
 }
 
-void kn_haply_init(kn_haply *h, const char *host, int port, const char *device_id, const char *preset, bool unwatched)
+void kn_haply_init(kn_haply *h, const char *host, int port, const char *device_id, const char *preset)
 {
     *h = (kn_haply){.base = {.name = "haply",
                              .open = open_haply,
@@ -368,8 +366,7 @@ void kn_haply_init(kn_haply *h, const char *host, int port, const char *device_i
                              .give = give,
                              .answers = true},
                     .port = port,
-                    .preset = preset,
-                    .unwatched = unwatched};
+                    .preset = preset};
     snprintf(h->host, sizeof h->host, "%s", host);
     snprintf(h->wanted, sizeof h->wanted, "%s", device_id);
 }

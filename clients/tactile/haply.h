@@ -81,17 +81,14 @@ typedef struct kn_haply {
     bool connected, greeted;
     // in_flight: the service has not answered the last message yet; wanted_force: a force waits to be sent.
     bool in_flight, wanted_force;
-    bool unwatched; // --no-watchdog was given
-    int silent_ms;  // time since the last answer of the service
+    int silent_ms; // time since the last answer of the service
     double force_n[3];
 } kn_haply;
 
 // Split ws://HOST:PORT. Return false for any other form.
 bool kn_haply_url(const char *url, char host[KN_HAPLY_HOST], int *port);
 // Prepare the driver without connecting. preset: the text must outlive the driver. device_id: "" for the first arm.
-// unwatched: give force without a test of the service's watchdog, which must drop a force that is not renewed.
-void kn_haply_init(kn_haply *haply, const char *host, int port, const char *device_id, const char *preset,
-                   bool unwatched);
+void kn_haply_init(kn_haply *haply, const char *host, int port, const char *device_id, const char *preset);
 
 // Return true if host:port accepts a connection within 300 ms per address. Otherwise return false and one line in
 // `error`.

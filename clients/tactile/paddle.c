@@ -67,7 +67,7 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
         return false;
     }
     p->deframer.count = 0;
-    p->base.watchdog = p->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
+    device->watchdog = device->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     ev_io_init(&p->readable, on_readable, p->fd, EV_READ);
     p->readable.data = p;
     ev_io_start(bridge->ev, &p->readable);
@@ -100,11 +100,10 @@ static void give(kn_tactile *device, const double force_n[3], bool live)
         kn_bridge_lost(p->bridge, "%s: %s", p->tty, strerror(errno));
 }
 
-void kn_paddle_init(kn_paddle *p, const char *tty, int baud, bool unwatched)
+void kn_paddle_init(kn_paddle *p, const char *tty, int baud)
 {
     *p = (kn_paddle){.base = {.name = "paddle", .open = open_paddle, .close = close_paddle, .give = give},
                      .tty = tty,
                      .baud = baud,
-                     .unwatched = unwatched,
                      .deframer.kind = KN_PADDLE_FRAME_STATE};
 }

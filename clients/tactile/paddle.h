@@ -15,16 +15,15 @@ typedef struct kn_paddle {
     ev_io readable;
     kn_paddle_decoder deframer;
     uint16_t seq;
-    // unwatched: give force without a test of the paddle's own watchdog. clears: no command has the flag
-    // enable, until the paddle reports that the trip of the test is over. enabled: the last command has it.
-    bool unwatched, clears, enabled;
+    // clears: no command has the flag enable, until the paddle reports that the trip of the test is over. enabled: the
+    // last command has it.
+    bool clears, enabled;
     int off_ms; // number of state frames in which the paddle was off, although the commands had the flag enable
     // Number of force commands that were not sent, because older commands still waited in the serial line.
     int64_t held_back;
 } kn_paddle;
 
-// Prepare the driver without opening the line. tty: the text must outlive the driver. unwatched: give force without a
-// test of the paddle's own watchdog.
-void kn_paddle_init(kn_paddle *paddle, const char *tty, int baud, bool unwatched);
+// Prepare the driver without opening the line. tty: the text must outlive the driver.
+void kn_paddle_init(kn_paddle *paddle, const char *tty, int baud);
 
 #endif

@@ -160,14 +160,14 @@ static bool open_dhd(kn_tactile *device, kn_bridge *bridge, char *error, size_t 
     dhd.dhdEnableExpertMode();
     const bool watched = dhd.dhdSetWatchdog(DHD_WATCHDOG, id) >= 0;
     dhd.dhdDisableExpertMode();
-    if (!watched && !v->unwatched) {
+    if (!watched && !device->unwatched) {
         dhd.dhdClose(id);
         snprintf(error, error_size, "libdhd cannot set the device's watchdog; --no-watchdog gives force without it");
         return false;
     }
     const char *name = dhd.dhdGetSystemName(id);
     snprintf(device->state, sizeof device->state, "%.60s", name ? name : "");
-    device->watchdog = v->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
+    device->watchdog = device->unwatched ? KN_OWN_TRUSTED : KN_OWN_UNPROVED;
     return true;
 }
 
@@ -343,7 +343,7 @@ static bool open_hd(kn_tactile *device, kn_bridge *bridge, char *error, size_t e
         kn_watchdog_init(&v->watchdog, 0, 0);
         v->task = hd.hdScheduleAsynchronous(serve_hd, v, HD_PRIORITY);
         hd.hdStartScheduler();
-        device->watchdog = v->unwatched ? KN_OWN_TRUSTED : KN_OWN_MISSING;
+        device->watchdog = device->unwatched ? KN_OWN_TRUSTED : KN_OWN_MISSING;
         return true;
     }
     if (id != HD_NO_DEVICE) hd.hdDisableDevice(id);
@@ -380,12 +380,12 @@ static void give_hd(kn_tactile *device, const double force_n[3], bool live)
     pthread_mutex_unlock(&v->lock);
 }
 
-void kn_vendor_init(kn_vendor *v, kn_vendor_kind kind, const char *device, bool unwatched)
+void kn_vendor_init(kn_vendor *v, kn_vendor_kind kind, const char *device)
 {
     static const kn_tactile drivers[] = {
         {.name = "forcedimension", .open = open_dhd, .close = close_dhd, .tick = tick_dhd, .give = give_dhd},
         {.name = "touch", .open = open_hd, .close = close_hd, .tick = tick_hd, .give = give_hd}};
-    *v = (kn_vendor){.base = drivers[kind], .kind = kind, .device = device, .unwatched = unwatched};
+    *v = (kn_vendor){.base = drivers[kind], .kind = kind, .device = device};
     // libHD's thread may have a lower priority than the bridge's, which must not wait for it.
     pthread_mutexattr_t inherits;
     pthread_mutexattr_init(&inherits);

@@ -20,7 +20,6 @@ typedef struct kn_vendor {
     kn_tactile base;
     kn_vendor_kind kind;
     const char *device; // touch: name of the arm in the maker's setup program; NULL: the default arm
-    bool unwatched;
     // The fields below are used by vendor.c only.
     kn_bridge *bridge;
     int id;       // device's handle in its library
@@ -39,9 +38,9 @@ typedef struct kn_vendor {
     unsigned long task;
 } kn_vendor;
 
-// Prepare the driver without loading the library. device: see kn_vendor; the text must outlive the driver. unwatched:
-// give force without a test of the device's own watchdog. A touch gives force only if this is true.
-void kn_vendor_init(kn_vendor *vendor, kn_vendor_kind kind, const char *device, bool unwatched);
+// Prepare the driver without loading the library. device: see kn_vendor; the text must outlive the driver. A touch gives
+// force only if base.unwatched is true.
+void kn_vendor_init(kn_vendor *vendor, kn_vendor_kind kind, const char *device);
 
 // Load the maker's library. Return false and one line in `error` if the library or one of its functions is missing.
 bool kn_vendor_load(kn_vendor_kind kind, char *error, size_t error_size);

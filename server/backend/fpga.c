@@ -314,22 +314,17 @@ static bool catch_up(fpga *f)
     return false;
 }
 
-// A circuit that gave wrong numbers may hold another object than the one loaded, and the checksum of its state does not
-// cover the object. So make the next load send the whole object. Pause before the next attempt, since it may fail as
-// quickly.
-static void distrust(fpga *f)
-{
-    const int out = atomic_load(&f->out);
-    if (out != KN_LOSS_TWIN && out != KN_LOSS_SATURATED) return;
-    kn_device_distrust(f->device);
-    kn_clock_sleep(kn_now_ns() + AGAIN_NS);
-}
-
 // Find the circuit, load it with a copy of the twin's state and let it catch up. Return true when it is in step.
 static bool get_in_step(fpga *f)
 {
     kn_device_be_patient(f->device, true);
-    distrust(f);
+    const int out = atomic_load(&f->out);
+    // A circuit that gave wrong numbers may hold another object than the one loaded, and the checksum of its state does
+    // not cover the object. Send it the whole object, after a pause, since the next attempt may fail as quickly.
+    if (out == KN_LOSS_TWIN || out == KN_LOSS_SATURATED) {
+        kn_device_distrust(f->device);
+        kn_clock_sleep(kn_now_ns() + AGAIN_NS);
+    }
     const kn_link_status status = kn_device_identify(f->device, kn_now_ns() + KN_FPGA_ANSWER_NS);
     if (status != KN_LINK_OK) blame(f, kn_fpga_cause(f, status));
     if (status != KN_LINK_OK || !prepare(f)) return false;
