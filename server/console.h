@@ -30,8 +30,8 @@ void kn_console_lines(int fd, const char *text); // write whole lines to STDOUT_
 // Return true if no write to this descriptor has failed, and every dropped line has been reported by a later line.
 bool kn_console_complete(int fd);
 
-// Return the exit code of a program: `code`, or 3 instead of 0 if standard output could not be written completely, which
-// a line on stderr then says.
+// Return the exit code of a program: `code`. If standard output could not be written completely, say so on stderr, and
+// return 3 instead of 0.
 int kn_console_end(const char *program, int code);
 
 // Write a one-line reason into `error`, for the caller to print. Always return false, so that a function can fail with

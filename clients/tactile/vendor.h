@@ -38,8 +38,8 @@ typedef struct kn_vendor {
     unsigned long task;
 } kn_vendor;
 
-// Prepare the driver without loading the library. device: see kn_vendor; the text must outlive the driver. A touch gives
-// force only if base.unwatched is true.
+// Prepare the driver without loading the library. device: see kn_vendor; the text must outlive the driver. A touch
+// gives force only if base.unwatched is true.
 void kn_vendor_init(kn_vendor *vendor, kn_vendor_kind kind, const char *device);
 
 // Load the maker's library. Return false and one line in `error` if the library or one of its functions is missing.

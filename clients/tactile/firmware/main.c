@@ -6,8 +6,8 @@
 //     receiver, sender:  one byte each
 //     main loop:         bytes -> command;  new angle -> position, velocity -> state frame
 //
-// A broken sensor switches the motor off until a reset. If the main loop or the ms stops, the chip's own watchdog resets
-// it after 15 ms, and reset makes every pin an input.
+// A broken sensor switches the motor off until a reset. If the main loop or the ms stops, the chip's own watchdog
+// resets it after 15 ms, and reset makes every pin an input.
 #include "clients/tactile/firmware/board.h"
 #include "clients/tactile/paddle_frame.h"
 #include <avr/interrupt.h>
