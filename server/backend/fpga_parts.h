@@ -96,9 +96,9 @@ typedef struct fpga {
 
 // --- fpga.c
 static inline bool kn_fpga_empty(const fpga *f) { return atomic_load(&f->done) == atomic_load(&f->made); }
-kn_loss kn_fpga_cause(const fpga *f,
-                      kn_link_status status); // reason of a failed call, for the thread that uses the device
-void kn_fpga_lose(fpga *f, kn_loss loss);     // record a loss and hand the device to the thread
+// Return the reason of a failed call. Only for the thread that uses the device.
+kn_loss kn_fpga_cause(const fpga *f, kn_link_status status);
+void kn_fpga_lose(fpga *f, kn_loss loss); // record a loss and hand the device to the thread
 // Return true if the circuit's reactions and residual equal the twin's.
 bool kn_fpga_equal(const slot *s, const kn_device_result *r);
 void kn_fpga_watch(fpga *f); // let the twin's steps call the backend; drops a step that the circuit was late for
