@@ -101,7 +101,7 @@ static void tell_status(server *d)
 }
 
 // Called when the servo has ticked (notify in loop.h). Publish the records, and allow datagrams to be read again.
-// Publish the status at once if the mode has changed. End the main loop after the last tick.
+// Publish the status if the mode has changed. End the main loop after the last tick.
 static void on_ticked(struct ev_loop *ev, ev_async *w, int events)
 {
     (void)events;

@@ -192,14 +192,15 @@ static void queue_touches(kn_loop *loop, const kn_tick_record *record)
     int64_t tick = record->out.tick, before = tick - 1 - record->out.missed;
     if (tick / KN_LOOP_TOUCH_TICKS == before / KN_LOOP_TOUCH_TICKS) return;
     kn_backend *backend = loop->servo.backend;
+    bool any = false;
     for (int p = 0; p < record->out.probes; p++) {
         const kn_force *f = &record->out.force[p];
         kn_touch_patch touched = {.utime = record->utime, .session = f->session, .pose_seq = f->seq, .probe = p};
         if (!f->live) continue;
         kn_touch_read(loop->servo.model, kn_backend_shape(backend), backend->scratch(backend->self), p, &touched.touch);
-        kn_ring_push(&loop->touches, &touched);
+        any |= kn_ring_push(&loop->touches, &touched);
     }
-    if (loop->notify) loop->notify(loop->notify_arg);
+    if (any && loop->notify) loop->notify(loop->notify_arg);
 }
 
 static void identify_contacts(kn_loop *loop, const kn_tick_record *record)

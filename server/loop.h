@@ -66,8 +66,8 @@ typedef struct kn_loop {
     kn_mailbox pose[KN_PROBES_MAX];
     kn_posted_pose pose_slots[KN_PROBES_MAX][3];
     int64_t posted_ns[KN_PROBES_MAX]; // arrival time of the latest pose of each probe; used by the main thread only
-    // Called after a tick to wake the main thread; must be real-time safe. Called after every tick that has a force or
-    // an event, and otherwise every KN_LOOP_UNTOLD_TICKS ticks.
+    // Called to wake the main thread; must be real-time safe. Called at once for a force, an event, a touch patch, the
+    // last tick, or while `paused`; otherwise every KN_LOOP_UNTOLD_TICKS ticks.
     void (*notify)(void *arg);
     void *notify_arg;
     int untold;                         // number of ticks since the main thread was woken

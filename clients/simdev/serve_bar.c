@@ -175,7 +175,7 @@ static bool listen_once(bar *b, int64_t *heard_ns)
     if (blanked) b->word[KN_REG_SCRATCH] = b->word[KN_REG_NODE_COUNT] = b->word[KN_REG_EDGE_COUNT] = 0;
     if (unplugged) {
         drop_file(b);
-        kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
+        kn_clock_sleep(kn_now_ns() + KN_SIMDEV_UNPLUGGED_NS);
         *heard_ns = kn_now_ns();
         return make_file(b);
     }

@@ -182,7 +182,7 @@ static bool listen_once(line *l)
             hear(l, l->frame, l->size);
         } else if (kn_simdev_suffer(l->simdev, &blanked)) {
             plug_out(l);
-            kn_clock_sleep(kn_now_ns() + UNPLUGGED_NS);
+            kn_clock_sleep(kn_now_ns() + KN_SIMDEV_UNPLUGGED_NS);
             if (!plug_in(l, false)) return false;
             at = size;
         } else {

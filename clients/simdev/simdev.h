@@ -66,9 +66,9 @@ bool kn_simdev_pci(kn_simdev *simdev, char **qemu);      // in a guest of this c
 // Wait until the engine is not busy. Reading its status lets a simulated circuit run.
 void kn_simdev_run_out(const kn_engine *engine);
 
+enum { KN_SIMDEV_UNPLUGGED_NS = 5000000 }; // time for which the fault disconnect unplugs the device, ns
 // Apply the faults that strike a whole request: delay, hang and blank, in this order. Set *blanked if the engine has
 // lost its memory. Return true if the fault disconnect strikes as well. The caller then unplugs the device.
-enum { UNPLUGGED_NS = 5000000 };
 bool kn_simdev_suffer(kn_simdev *simdev, bool *blanked);
 
 #endif

@@ -160,12 +160,13 @@ static const char *take_basis(void *basis, const char *text)
 static const char *take_baud(void *baud, const char *text)
 {
     char why[KN_LINK_WHY];
-    const int rate = *(int *)baud = atoi(text);
+    double rate = 0;
     // at least 230400, so that the line can carry 1000 frames per second in both directions
-    return rate >= 230400 && kn_link_is_baud(rate, why) ? NULL
-                                                        : "230400, 460800, 500000, 576000, 921600, 1000000, 1152000, "
-                                                          "1500000, 2000000, 2500000, 3000000, 3500000 "
-                                                          "or 4000000";
+    const bool good = kn_number_take(text, 230400, 4e6, &rate) && kn_link_is_baud(*(int *)baud = (int)rate, why);
+    return good && rate == *(int *)baud ? NULL
+                                        : "230400, 460800, 500000, 576000, 921600, 1000000, 1152000, "
+                                          "1500000, 2000000, 2500000, 3000000, 3500000 "
+                                          "or 4000000";
 }
 
 static const char *take_preset(void *preset, const char *text)

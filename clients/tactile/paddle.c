@@ -62,7 +62,9 @@ static bool open_paddle(kn_tactile *device, kn_bridge *bridge, char *error, size
     p->fd = kn_link_line(p->tty, p->baud, "/sys");
     if (p->fd < 0) {
         snprintf(error, error_size, "%s: %s%s; knead devices lists the serial lines", p->tty,
-                 errno == ENOTTY ? "no serial line" : strerror(errno),
+                 errno == ENOTTY  ? "no serial line"
+                 : errno == EBUSY ? "in use by another program"
+                                  : strerror(errno),
                  errno == EACCES ? ", join the group dialout" : "");
         return false;
     }

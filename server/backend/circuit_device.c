@@ -101,6 +101,7 @@ static kn_link_status accept_identify(kn_device *d, const uint32_t *words)
                       "%s: BUILD_HASH is 0x%08x: expected 0x%08x, a circuit built with these formats and registers",
                       d->uri, words[2], (unsigned)KN_BUILD_HASH);
     d->broken = false;
+    if (d->state == KN_DEVICE_LOST) d->load_bytes = d->load_ns = 0; // the link may be slower or faster than before
     d->caps = (kn_device_caps){power(words[3]), power(words[3] >> 8), power(words[3] >> 16) - 1};
     if (d->caps.bounds > KN_FIXED_LIST_MAX) d->caps.bounds = KN_FIXED_LIST_MAX;
     d->seq = words[8];

@@ -27,7 +27,7 @@
 // the twin computes it. The circuit does not clear its flags of saturation, so only the tick that raises a flag has it.
 //
 // The queue holds 1.5 times the ticks that pass while the state is loaded, and at least 1024 ticks. The loading time is
-// estimated from the bytes sent over the link so far.
+// estimated from the bytes sent over the link so far. A link that becomes slower later does not get a longer queue.
 #include "server/backend/backend.h"
 #include "server/backend/circuit_device.h"
 

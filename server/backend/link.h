@@ -74,9 +74,9 @@ bool kn_link_is_uri(const char *uri, char why[KN_LINK_WHY]);
 bool kn_link_open(kn_link *link, const char *uri, const char *sysfs, char why[KN_LINK_WHY]);
 
 bool kn_link_is_baud(int baud, char why[KN_LINK_WHY]); // return true if a serial line can have this baud rate
-// Open a serial line for this process alone, in raw mode, and let its USB adapter pass on each byte at once. `baud` 0:
-// a pseudo-terminal, which has no baud rate. Return its descriptor, or -1 with errno set: EBUSY, another program has
-// it; ENOTTY, it is no serial line.
+// Open the serial line `path` for this process alone, in raw mode, and let a USB adapter pass on each byte at once.
+// `baud` 0: a pseudo-terminal, which has no baud rate. Return the descriptor, or -1 with errno set: EBUSY, another
+// program has opened the line; ENOTTY, `path` is no serial line.
 int kn_link_line(const char *path, int baud, const char *sysfs);
 
 bool kn_link_is_function(const char *s); // return true for the address of a PCI function, DDDD:BB:DD.F

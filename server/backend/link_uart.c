@@ -10,6 +10,8 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -196,9 +198,11 @@ int kn_link_line(const char *path, int baud, const char *sysfs)
     const int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0) return -1;
     const bool ours = flock(fd, LOCK_EX | LOCK_NB) == 0;
-    // The kernel does not lock a pseudo-terminal: the program at its other end keeps it open, so this lock would
-    // outlive this process.
-    if (ours && make_raw(fd, baud) && (!baud || ioctl(fd, TIOCEXCL) == 0)) {
+    // Only one program may send to a circuit or drive a motor. A pseudo-terminal gets no TIOCEXCL: the program at its
+    // other end keeps it open, so the flag would outlive this process.
+    struct stat file;
+    const bool pseudo = fstat(fd, &file) == 0 && major(file.st_rdev) >= 136 && major(file.st_rdev) <= 143;
+    if (ours && make_raw(fd, baud) && (pseudo || ioctl(fd, TIOCEXCL) == 0)) {
         if (baud) hurry(fd, path, sysfs);
         tcflush(fd, TCIOFLUSH);
         return fd;
