@@ -2,9 +2,7 @@
 // Any cell of the sums is the plain sum of what was added to it since it was last taken, for any order of addresses.
 // The proof compares knead_accumulator with its forwarding to a register that adds.
 module accumulator (
-    input wire       clk,
-    input wire       add,
-    input wire       take,
+    input wire       clk, add, take,
     input wire [1:0] address,
     input wire [8:0] value // three components of three bits
 );

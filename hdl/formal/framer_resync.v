@@ -3,29 +3,21 @@
 // It stores the same bytes, accepts the same frames and counts the same errors. Two decoders begin with any registers;
 // proved by induction, for all time.
 module framer_resync (
-    input wire       clk,
-    input wire       in_valid,
+    input wire       clk, in_valid,
     input wire [7:0] in_data
 );
     wire [ 1:0] store, good, bad_length, bad_cobs, bad_crc;
     wire [19:0] address;
     wire [15:0] data;
     wire [21:0] length;
-    knead_link_decode this (
-        .clk(clk), .rst(1'b0), .in_valid(in_valid), .in_data(in_data),
-        .store(store[0]), .address(address[9:0]), .data(data[7:0]), .good(good[0]),
-        .length(length[10:0]), .bad_length(bad_length[0]), .bad_cobs(bad_cobs[0]), .bad_crc(bad_crc[0])
-    );
-    knead_link_decode that (
-        .clk(clk), .rst(1'b0), .in_valid(in_valid), .in_data(in_data),
-        .store(store[1]), .address(address[19:10]), .data(data[15:8]), .good(good[1]),
-        .length(length[21:11]), .bad_length(bad_length[1]), .bad_cobs(bad_cobs[1]), .bad_crc(bad_crc[1])
-    );
+    knead_link_decode pair[1:0] (
+        .clk(clk), .rst(1'b0), .in_valid(in_valid), .in_data(in_data), .store(store), .address(address), .data(data),
+        .good(good), .length(length), .bad_length(bad_length), .bad_cobs(bad_cobs), .bad_crc(bad_crc));
 
-    wire [31:0] crc_0, crc_1; // peek: this.crc that.crc
-    wire [ 7:0] left_0, left_1; // peek: this.left that.left
-    wire        begun_0, full_0, hollow_0; // peek: this.begun this.full this.hollow
-    wire        begun_1, full_1, hollow_1; // peek: that.begun that.full that.hollow
+    wire [31:0] crc_0, crc_1; // peek: pair[0].crc pair[1].crc
+    wire [ 7:0] left_0, left_1; // peek: pair[0].left pair[1].left
+    wire        begun_0, full_0, hollow_0; // peek: pair[0].begun pair[0].full pair[0].hollow
+    wire        begun_1, full_1, hollow_1; // peek: pair[1].begun pair[1].full pair[1].hollow
 
     reg delimited = 1'b0;
     always @(posedge clk) begin

@@ -2,14 +2,10 @@
 // The bus and the reply's buffer, for any bytes of a payload, and for any answer of the bus at any time. By induction,
 // from reset: a transfer that waits stays as it is, and the reply never outgrows its buffer.
 module link_bus (
-    input wire        clk,
-    input wire        frame,
+    input wire        clk, frame, busy, bus_ready, bus_error,
     input wire [10:0] length,
     input wire [ 7:0] read_data,
-    input wire        busy,
-    input wire        bus_ready,
-    input wire [31:0] bus_rdata,
-    input wire        bus_error
+    input wire [31:0] bus_rdata
 );
     reg         rst = 1'b1;
     wire        put, send, bus_valid, bus_write;
@@ -17,13 +13,7 @@ module link_bus (
     wire [ 7:0] put_data;
     wire [23:0] bus_addr;
     wire [31:0] bus_wdata;
-
-    knead_link_exec exec (
-        .clk(clk), .rst(rst), .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .busy(busy), .put(put), .put_address(put_address), .put_data(put_data), .send(send), .send_length(send_length),
-        .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr), .bus_wdata(bus_wdata), .bus_ready(bus_ready),
-        .bus_rdata(bus_rdata), .bus_error(bus_error)
-    );
+    knead_link_exec exec (.*);
 
     wire [3:0] state, n; // peek: exec.state exec.n
     wire [9:0] end_at; // peek: exec.end_at

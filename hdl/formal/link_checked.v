@@ -1,50 +1,23 @@
 `default_nettype none
 // Nothing reaches the bus unless a whole frame has come and its checksum held. This module describes a whole frame a
-// second time. The link's own buffers may hold anything: the module knead_ram below gives any byte. By induction, from
-// reset: the link holds as many frames as have come whole and have not been answered; bus_valid is never high when it
-// holds none; and a frame is not overwritten while it is executed.
-module knead_ram #(
-    parameter WIDTH = 8,
-    parameter LOG_DEPTH = 10
-) (
-    input  wire                 clk, i_write,
-    input  wire [LOG_DEPTH-1:0] i_write_address, i_address,
-    input  wire [WIDTH-1:0]     i_data,
-    output wire [WIDTH-1:0]     o_data
-);
-    (* anyseq *) wire [WIDTH-1:0] anything;
-    assign o_data = anything;
-endmodule
-
+// second time. The link's own buffers may hold anything. By induction, from reset: the link holds as many frames as have
+// come whole and have not been answered; bus_valid is never high when it holds none; and a frame is not overwritten
+// while it is executed.
 module link_checked (
-    input wire        clk,
-    input wire        rx_valid,
-    input wire [ 7:0] rx_data,
-    input wire        bus_ready,
-    input wire [31:0] bus_rdata,
-    input wire        bus_error,
-    input wire        busy
+    input wire        clk, in_valid, bus_ready, bus_error, busy,
+    input wire [ 7:0] in_data,
+    input wire [31:0] bus_rdata
 );
     reg         rst = 1'b1;
-    wire        rx_ready, frame, put, send, bus_valid, bus_write;
+    wire        in_ready, frame, put, send, bus_valid, bus_write;
     wire [10:0] length;
     wire [ 9:0] read_address, put_address, send_length;
     wire [ 7:0] read_data, put_data;
     wire [23:0] bus_addr;
     wire [31:0] bus_wdata, frames, crc_errors, cobs_errors, length_errors;
 
-    knead_link_rx receiver (
-        .clk(clk), .rst(rst), .in_valid(rx_valid), .in_data(rx_data), .in_ready(rx_ready),
-        .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .release_frame(send), .frames(frames), .crc_errors(crc_errors), .cobs_errors(cobs_errors),
-        .length_errors(length_errors)
-    );
-    knead_link_exec exec (
-        .clk(clk), .rst(rst), .frame(frame), .length(length), .read_address(read_address), .read_data(read_data),
-        .busy(busy), .put(put), .put_address(put_address), .put_data(put_data), .send(send), .send_length(send_length),
-        .bus_valid(bus_valid), .bus_write(bus_write), .bus_addr(bus_addr), .bus_wdata(bus_wdata), .bus_ready(bus_ready),
-        .bus_rdata(bus_rdata), .bus_error(bus_error)
-    );
+    knead_link_rx receiver (.release_frame(send), .*);
+    knead_link_exec exec (.*);
 
     // The second description of a frame.
     reg  [10:0] bytes;
@@ -53,14 +26,14 @@ module link_checked (
     reg  [31:0] sum;
     reg  [ 1:0] owed;        // whole frames that have not been answered
 
-    wire comes = rx_valid && rx_ready;
-    wire whole = comes && rx_data == 8'd0 && rest == 8'd0 && !(before == 8'hff && block == 8'd1) &&
+    wire comes = in_valid && in_ready;
+    wire whole = comes && in_data == 8'd0 && rest == 8'd0 && !(before == 8'hff && block == 8'd1) &&
                  bytes >= 11'd5 && bytes <= 11'd1028 && sum == 32'hdebb20e3;
-    wire is_zero = comes && rx_data != 8'd0 && rest == 8'd0 && block != 8'd0 && block != 8'hff;
-    wire is_byte = comes && rx_data != 8'd0 && rest != 8'd0;
+    wire is_zero = comes && in_data != 8'd0 && rest == 8'd0 && block != 8'd0 && block != 8'hff;
+    wire is_byte = comes && in_data != 8'd0 && rest != 8'd0;
 
     wire [31:0] sum_next;
-    knead_crc32 check (.crc(sum), .data(is_zero ? 8'd0 : rx_data), .next(sum_next));
+    knead_crc32 check (.crc(sum), .data(is_zero ? 8'd0 : in_data), .next(sum_next));
 
     always @(posedge clk) begin
         rst <= 1'b0;
@@ -69,12 +42,12 @@ module link_checked (
             if (bytes <= 11'd1028) bytes <= bytes + 11'd1;
         end
         if (is_byte) rest <= rest - 8'd1;
-        else if (comes && rx_data != 8'd0) begin
-            rest   <= rx_data - 8'd1;
-            block  <= rx_data;
+        else if (comes && in_data != 8'd0) begin
+            rest   <= in_data - 8'd1;
+            block  <= in_data;
             before <= block;
         end
-        if (rst || (comes && rx_data == 8'd0)) begin
+        if (rst || (comes && in_data == 8'd0)) begin
             bytes  <= 11'd0;
             block  <= 8'd0;
             before <= 8'd0;

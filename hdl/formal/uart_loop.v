@@ -2,8 +2,7 @@
 // The receiver hears the bytes that the sender takes, in order, none twice, none lost, for any pauses. By induction,
 // from reset on: the receiver is where the sender was four clocks ago; the line's registers are those four clocks.
 module uart_loop (
-    input wire       clk,
-    input wire       in_valid,
+    input wire       clk, in_valid,
     input wire [7:0] in_data
 );
     reg  [ 1:0] resets = 2'd2; // clocks of reset that are left
@@ -11,13 +10,8 @@ module uart_loop (
     wire        in_ready, tx, out_valid, framing, overrun;
     wire [ 7:0] out_data;
 
-    knead_uart_tx #(.CLOCKS(16'd4)) sender (
-        .clk(clk), .rst(rst), .in_valid(in_valid), .in_data(in_data), .in_ready(in_ready), .tx(tx)
-    );
-    knead_uart_rx #(.CLOCKS(16'd4)) receiver (
-        .clk(clk), .rst(rst), .rx(tx), .out_valid(out_valid), .out_data(out_data), .out_ready(1'b1),
-        .framing(framing), .overrun(overrun)
-    );
+    knead_uart_tx #(.CLOCKS(16'd4)) sender (.*);
+    knead_uart_rx #(.CLOCKS(16'd4)) receiver (.rx(tx), .out_ready(1'b1), .*);
 
     wire [ 3:0] left; // peek: sender.left
     wire [ 9:0] sender_shift; // peek: sender.shift

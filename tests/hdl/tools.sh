@@ -4,9 +4,9 @@
 #     bench TOP BENCH [OPTION]...       build $bench: hdl/sim/BENCH.cpp around the Verilated hdl/rtl/TOP.v, with the C
 #                                       code that it is compared with; kept in $KN_BUILD/hdl, OPTION is verilator's;
 #                                       -GNAME=N sets a parameter of TOP, and the bench's macro NAME
-#     prove NAME MODE DEPTH FILE...     prove hdl/formal/NAME.v of the modules hdl/rtl/FILE. MODE bmc: in every run of
-#                                       DEPTH clocks; induction: in every run. Registers that NAME.v does not reset
-#                                       begin with any content
+#     prove NAME MODE DEPTH FILE...     prove hdl/formal/NAME.v of the modules hdl/rtl/FILE, whatever other modules
+#                                       put out. MODE bmc: in every run of DEPTH clocks; induction: in every run.
+#                                       Registers that NAME.v does not reset begin with any content
 #     mutant [SKIP:]DEPTH FILE SED      check that the proof fails within DEPTH clocks when SED changes FILE, so that it
 #                                       proves something; the first SKIP clocks are not examined
 #     cover DEPTH                       check that the proof's cover points are reached
@@ -48,9 +48,10 @@ smt2() {
         split($2, signal, " ")
         while (n-- > 0) print "connect -nounset -set " wire[n + 1] " " signal[n + 1] ";"
     }' "$KN_SOURCE/hdl/formal/$name.v")
-    yosys -q -e "no driver" -l yosys.log -p "read_verilog -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; \
-        hierarchy -check -top $name; proc; flatten; $peeks prep -top $name; async2sync; dffunmap; opt_clean; \
-        write_smt2 -wires proof.smt2" >/dev/null 2>&1 || { grep ERROR yosys.log; exit 1; }
+    yosys -q -e "no driver" -l yosys.log -p "read_verilog -lib -I$tables $rtl/*.v; \
+        read_verilog -sv -formal -I$1 -I$tables ${files[*]} $KN_SOURCE/hdl/formal/$name.v; hierarchy -check -purge_lib -top $name; \
+        setattr -mod -set any 1 =A:blackbox; setattr -mod -unset blackbox =A:any; cutpoint A:any; \
+        proc; flatten; $peeks prep -top $name; async2sync; dffunmap; opt_clean; write_smt2 -wires proof.smt2" >/dev/null 2>&1 || { grep ERROR yosys.log; exit 1; }
 }
 
 # solve WANTED LINE MODE...: print the solver's verdict and its time
