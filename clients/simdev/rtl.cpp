@@ -9,47 +9,31 @@ extern "C" {
 #include "clients/simdev/engine.h"
 }
 
-double sc_time_stamp() { return 0; }
-
 namespace
 {
 
 struct link : circuit<Vknead_link> {
-    uint32_t answers; // number of answers since reset; if smaller than the number of frames, the link is busy
-    size_t size;      // number of bytes of the present answer so far
+    uint32_t answers = 0; // number of answers since reset; if smaller than the number of frames, the link is busy
+    size_t size = 0;      // number of bytes of the present answer so far
 
-    explicit link(int seed) : circuit(seed) { reset(); }
-    void reset()
+    explicit link(int seed) : circuit(seed)
     {
         top->rst = 1;
         top->rx_valid = 0;
         top->tx_ready = 1;
-        for (int i = 0; i < 4; i++) clock(nullptr, nullptr);
+        for (int i = 0; i < 4; i++) clock();
         top->rst = 0;
-        answers = 0;
-        size = 0;
     }
     // Run one clock cycle of the link. Return true if the link has sent the last byte of an answer.
-    bool clock(const kn_word_bus *bus, uint8_t *wire)
+    bool run(const kn_word_bus &bus, uint8_t *wire)
     {
-        top->clk = 0;
-        top->eval();
-        top->bus_ready = top->bus_valid && bus;
-        if (top->bus_ready) transfer(*bus);
-        const bool byte = wire && top->tx_valid;
-        if (byte && size < KN_FRAMER_WIRE) wire[size++] = top->tx_data;
-        const bool last = byte && top->tx_data == 0;
-        top->clk = 1;
-        top->eval();
-        clocks++;
+        top->bus_ready = 1;
+        settle();
+        serve(*top, bus);
+        if (top->tx_valid && size < KN_FRAMER_WIRE) wire[size++] = top->tx_data;
+        const bool last = top->tx_valid && top->tx_data == 0;
+        rise();
         return last;
-    }
-    void transfer(const kn_word_bus &bus)
-    {
-        uint32_t word = 0;
-        top->bus_error = !(top->bus_write ? bus.write(bus.self, top->bus_addr, top->bus_wdata)
-                                          : bus.read(bus.self, top->bus_addr, &word));
-        top->bus_rdata = word;
     }
     size_t hear(const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used, uint8_t *wire)
     {
@@ -57,7 +41,7 @@ struct link : circuit<Vknead_link> {
         while (*used < count || answers != top->frames) { // the link counts a frame in the clock cycle of its 0x00
             top->rx_valid = *used < count && answers == top->frames && top->rx_ready;
             if (top->rx_valid) top->rx_data = bytes[(*used)++];
-            if (!clock(bus, wire)) continue;
+            if (!run(*bus, wire)) continue;
             answers++;
             const size_t answer = size;
             size = 0;
@@ -68,10 +52,10 @@ struct link : circuit<Vknead_link> {
 };
 
 struct rtl : word_bus<Vknead_engine> {
-    int power_ups = 1; // number of power-ups; after each, the memories have different random contents
-    link line{1};
+    const int power_ups; // number of power-ups; after each, the memories have different random contents
+    link line;
 
-    rtl() : word_bus(1) {}
+    explicit rtl(int seed) : word_bus(seed), power_ups(seed), line(seed) {}
     static rtl *of(void *self) { return static_cast<rtl *>(self); }
     static bool read_word(void *self, uint32_t address, uint32_t *word)
     {
@@ -84,10 +68,9 @@ struct rtl : word_bus<Vknead_engine> {
     }
     static void blank(void *self)
     {
-        of(self)->power_up(++of(self)->power_ups);
-        of(self)->reset();
-        of(self)->line.power_up(of(self)->power_ups);
-        of(self)->line.reset();
+        const int power_ups = of(self)->power_ups + 1;
+        of(self)->~rtl();
+        new (self) rtl(power_ups);
     }
     static size_t hear(void *self, const kn_word_bus *bus, const uint8_t *bytes, size_t count, size_t *used,
                        uint8_t *wire)
@@ -101,7 +84,7 @@ struct rtl : word_bus<Vknead_engine> {
 
 extern "C" bool kn_engine_rtl(kn_engine *engine)
 {
-    rtl *self = new (std::nothrow) rtl;
+    rtl *self = new (std::nothrow) rtl(1);
     if (self) *engine = {"rtl", {self, rtl::read_word, rtl::write_word}, rtl::blank, nullptr, rtl::hear, rtl::destroy};
     return self;
 }

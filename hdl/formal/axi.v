@@ -1,7 +1,7 @@
 `default_nettype none
-// AXI4-Lite of knead_top_axi, with anything for an engine behind it. Each request gets one response, which stays until it is taken,
-// and there is no response without a request. The engine's bus gets what was asked, once, never part of a word, and it
-// stays there until it is answered.
+// AXI4-Lite of knead_top_axi, with anything for an engine behind it. Each request gets one response, which stays until
+// it is taken, and there is no response without a request. The engine's bus gets what was asked, once, never part of a
+// word, and it stays there until it is answered.
 module axi (
     input wire        clk,
     input wire        resetn,

@@ -1,8 +1,8 @@
 `default_nettype none
 // Nothing reaches the bus unless a whole frame has come and its checksum held. This module describes a whole frame a
-// second time. The link's own buffers may hold anything. By induction, from reset: the link holds as many frames as have
-// come whole and have not been answered; bus_valid is never high when it holds none; and a frame is not overwritten
-// while it is executed.
+// second time. The link's own buffers may hold anything. By induction, from reset: the link holds as many frames as
+// have come whole and have not been answered; bus_valid is never high when it holds none; and a frame is not
+// overwritten while it is executed.
 module link_checked (
     input wire        clk, in_valid, bus_ready, bus_error, busy,
     input wire [ 7:0] in_data,

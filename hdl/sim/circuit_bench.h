@@ -10,9 +10,6 @@
 #include <vector>
 
 #include "hdl/sim/word_bus.h"
-extern "C" {
-#include "server/backend/frame.h"
-}
 
 struct chance : std::mt19937_64 {
     using std::mt19937_64::mt19937_64;
@@ -45,19 +42,11 @@ struct memory {
         transfers.push_back(uint64_t(write) << 56 | uint64_t(address) << 32 | *word);
         return address >> 16 != 0x80;
     }
-    kn_word_bus bus() // of the C code
+    kn_word_bus bus()
     {
         return {this,
                 [](void *self, uint32_t a, uint32_t *w) { return static_cast<memory *>(self)->take(false, a, w); },
                 [](void *self, uint32_t a, uint32_t w) { return static_cast<memory *>(self)->take(true, a, &w); }};
-    }
-    // Answer the transfer of a circuit, if there is one in this clock.
-    template <typename verilated> void serve(verilated &top)
-    {
-        if (!top.bus_valid || !top.bus_ready) return;
-        uint32_t word = top.bus_wdata;
-        top.bus_error = !take(top.bus_write, top.bus_addr, &word);
-        top.bus_rdata = word;
     }
 };
 

@@ -7,7 +7,6 @@
 
 extern "C" {
 #include "core/fixed.h"
-#include "hdl/registers.h"
 }
 #include "knead_hash.h"
 
@@ -29,27 +28,10 @@ int64_t bits(int most) { return between(-(INT64_C(1) << most), (INT64_C(1) << mo
 
 // --- the circuit behind its bus --------------------------------------------------------------------------------------
 
-struct device : device_port {
+struct device : host {
     uint32_t seq = 0;
 
-    device() : device_port((int)dice.below(INT32_MAX)) {}
-    void access(bool write, uint32_t address, uint32_t *word)
-    {
-        if (transfer(write, address, word)) return;
-        fprintf(stderr, "%s of 0x%06x refused\n", write ? "write" : "read", address);
-        exit(1);
-    }
-    void put(uint32_t address, int64_t word)
-    {
-        uint32_t w = (uint32_t)word;
-        access(true, address, &w);
-    }
-    uint32_t get(uint32_t address)
-    {
-        uint32_t w = 0;
-        access(false, address, &w);
-        return w;
-    }
+    device() : host((int)dice.below(INT32_MAX)) {}
     void put64(uint32_t address, int64_t v)
     {
         put(address, v);
@@ -59,11 +41,6 @@ struct device : device_port {
     {
         uint64_t low = get(address);
         return (int64_t)(low | (uint64_t)get(address + 1) << 32);
-    }
-    void wait()
-    {
-        for (int polls = 0; get(KN_REG_STATUS) & KN_STATUS_BUSY; polls++)
-            if (polls > 1 << 20) lost("busy for ever");
     }
     void step() { put(KN_REG_STEP_SEQ, ++seq); }
 };

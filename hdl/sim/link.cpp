@@ -31,7 +31,7 @@ struct link_circuit : circuit<Vknead_link> {
         settle();
         top->bus_rdata = c.word();
         top->bus_error = uint8_t(c.below(2));
-        words.serve(*top);
+        serve(*top, words.bus());
         if (waits && !(top->tx_valid && top->tx_data == waiting)) answer.push_back(0xee); // a byte that waits must stay
         waits = top->tx_valid && !top->tx_ready, waiting = top->tx_data;
         const bool taken = top->rx_valid && top->rx_ready;

@@ -1,7 +1,8 @@
 #ifndef KN_HDL_SIM_PORTS_H
 #define KN_HDL_SIM_PORTS_H
-// Access to a word of the circuit through a front end: the word bus itself, the two wires of knead_top_uart bit by bit,
-// or the AXI4-Lite cycles of knead_top_axi. KN_TOP_UART, KN_TOP_AXI or neither is defined.
+// A host at a front end of the circuit: the word bus itself, the two wires of knead_top_uart bit by bit, or the
+// AXI4-Lite cycles of knead_top_axi. KN_TOP_UART, KN_TOP_AXI or neither is defined.
+#include "hdl/registers.h"
 #include "hdl/sim/circuit_bench.h"
 #if defined KN_TOP_UART
 #include "Vknead_top_uart.h"
@@ -83,5 +84,32 @@ struct device_port : circuit<Vknead_top_axi> {
 enum { SMALL = 0 };
 typedef word_bus<Vknead_engine> device_port;
 #endif
+
+// A host whose transfers are all taken.
+struct host : device_port {
+    using device_port::device_port;
+    void access(bool write, uint32_t address, uint32_t *word)
+    {
+        if (transfer(write, address, word)) return;
+        fprintf(stderr, "%s of 0x%06x refused\n", write ? "write" : "read", address);
+        exit(1);
+    }
+    void put(uint32_t address, int64_t value)
+    {
+        uint32_t word = (uint32_t)value;
+        access(true, address, &word);
+    }
+    uint32_t get(uint32_t address)
+    {
+        uint32_t word = 0;
+        access(false, address, &word);
+        return word;
+    }
+    void wait()
+    {
+        for (int polls = 0; get(KN_REG_STATUS) & KN_STATUS_BUSY; polls++)
+            if (polls > 1 << 20) lost("busy for ever");
+    }
+};
 
 #endif

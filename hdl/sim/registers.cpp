@@ -1,31 +1,14 @@
 // Compare the circuit's registers and windows with the simulated device's (clients/simdev/golden.c). For any request of
 // a host both give the same answer or refuse alike. KN_CASES=N transfers, KN_SEED=N.
-#include "Vknead_engine.h"
-#include "hdl/sim/circuit_bench.h"
+#include "hdl/sim/ports.h"
 
 extern "C" {
 #include "clients/simdev/engine.h"
 #include "core/fixed.h"
-#include "hdl/registers.h"
 }
 
 namespace
 {
-
-struct engine : word_bus<Vknead_engine> {
-    engine() : word_bus(0) {}
-    uint32_t get(uint32_t address)
-    {
-        uint32_t word = 0;
-        transfer(false, address, &word);
-        return word;
-    }
-    void rest() // wait: a tick of the simulated device is over at once
-    {
-        for (int polls = 0; get(KN_REG_STATUS) & KN_STATUS_BUSY && polls < 100000; polls++) {
-        }
-    }
-};
 
 // Return a random address: in or just behind each window, or a register.
 uint32_t some_place(chance &c)
@@ -61,11 +44,10 @@ uint32_t some_word(chance &c, uint32_t address, uint32_t seq)
 }
 
 // Load both with a chain of edges and zeros, so that no memory holds undefined values.
-void load(engine &d, const kn_word_bus &g)
+void load(host &d, const kn_word_bus &g)
 {
     const auto put = [&](uint32_t address, uint32_t word) {
-        uint32_t same = word;
-        d.transfer(true, address, &same);
+        d.put(address, word);
         g.write(g.self, address, word);
     };
     for (uint32_t n = 0; n < 16 << LOG_NODES; n++) put(KN_WINDOW_NODES + n, 0);
@@ -78,9 +60,9 @@ void load(engine &d, const kn_word_bus &g)
     const uint32_t config[] = {8, 16, 2, 2, 1, 3, 4, 5, 6, 7, 3};
     for (uint32_t r = 0; r < 11; r++) put(KN_REG_NODE_COUNT + r, config[r]);
     put(KN_REG_CONTROL, KN_CONTROL_REST | KN_CONTROL_CLEAR | KN_CONTROL_LOADED);
-    d.rest();
+    d.wait();
     put(KN_REG_STEP_SEQ, d.get(KN_REG_STEP_SEQ) + 1); // a step, so that the results are those of a tick
-    d.rest();
+    d.wait();
 }
 
 } // namespace
@@ -92,7 +74,7 @@ int main()
     kn_engine golden;
     if (!kn_engine_golden(&golden, {LOG_NODES, LOG_EDGES, LOG_LIST})) return 3;
     const kn_word_bus &g = golden.bus;
-    engine d;
+    host d(0);
     load(d, g);
     long refused = 0, ticks = 0, unsound = 0;
     // The circuit checks only its settings, the simulated device also the image: an edge from a node to itself, R
@@ -111,16 +93,15 @@ int main()
         const bool write = c.below(2);
         if (n % 400 == 399) load(d, g);
         if (write && address == KN_REG_STEP_SEQ && d.get(KN_REG_STATUS) & KN_STATUS_LOADED) { // so both check the image
-            uint32_t word = KN_CONTROL_LOADED;
-            d.transfer(true, KN_REG_CONTROL, &word);
-            g.write(g.self, KN_REG_CONTROL, word);
+            d.put(KN_REG_CONTROL, KN_CONTROL_LOADED);
+            g.write(g.self, KN_REG_CONTROL, KN_CONTROL_LOADED);
             alike(true);
         }
         const uint32_t seq = d.get(KN_REG_STEP_SEQ);
         uint32_t circuit_word = write ? some_word(c, address, seq) : 0, golden_word = circuit_word;
         const bool taken = d.transfer(write, address, &circuit_word);
         const bool golden_taken = write ? g.write(g.self, address, golden_word) : g.read(g.self, address, &golden_word);
-        d.rest();
+        d.wait();
         refused += !taken;
         ticks += d.get(KN_REG_STEP_SEQ) != seq;
         const bool same = alike(write && address == KN_REG_CONTROL);

@@ -25,7 +25,7 @@ struct wires : serial_circuit<Vknead_link_serial> {
         if (glitches && ++quiet > 8 && c.below(20) == 0) top->rx = !level, quiet = 0;
         top->bus_ready = !stalled && c.below(2);
         settle();
-        words.serve(*top);
+        serve(*top, words.bus());
         listen(top->tx);
         rise();
     }

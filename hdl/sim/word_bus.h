@@ -1,10 +1,13 @@
 #ifndef KN_HDL_SIM_WORD_BUS_H
 #define KN_HDL_SIM_WORD_BUS_H
-// A Verilated circuit, and a host's access to words through its bus (hdl/REGISTERS.md).
+// A Verilated circuit, and both ends of a word bus (hdl/REGISTERS.md): a host, and what a circuit has access to.
 #include <cstdint>
 #include <memory>
 
 #include "verilated.h"
+extern "C" {
+#include "server/backend/frame.h"
+}
 
 // A Verilated circuit, powered up with random memories and registers from the seed; seed 0: zeros.
 template <typename verilated> struct circuit {
@@ -12,14 +15,13 @@ template <typename verilated> struct circuit {
     std::unique_ptr<verilated> top;
     uint64_t clocks = 0;
 
-    explicit circuit(int seed) { power_up(seed); }
-    ~circuit() { top->final(); }
-    void power_up(int seed)
+    explicit circuit(int seed)
     {
         context.randReset(seed ? 2 : 0);
         context.randSeed(seed);
         top.reset(new verilated(&context));
     }
+    ~circuit() { top->final(); }
     void settle() // first half of a clock: the outputs follow the inputs
     {
         top->clk = 0;
@@ -42,8 +44,7 @@ template <typename verilated> struct word_bus : circuit<verilated> {
     using circuit<verilated>::top;
     using circuit<verilated>::clock;
 
-    explicit word_bus(int seed) : circuit<verilated>(seed) { reset(); }
-    void reset()
+    explicit word_bus(int seed) : circuit<verilated>(seed)
     {
         top->rst = 1;
         top->bus_valid = 0;
@@ -69,5 +70,15 @@ template <typename verilated> struct word_bus : circuit<verilated> {
         return taken;
     }
 };
+
+// Answer the transfer that a circuit asks for in this clock, if it does.
+template <typename verilated> void serve(verilated &top, const kn_word_bus &bus)
+{
+    if (!top.bus_valid || !top.bus_ready) return;
+    uint32_t word = 0;
+    top.bus_error =
+        !(top.bus_write ? bus.write(bus.self, top.bus_addr, top.bus_wdata) : bus.read(bus.self, top.bus_addr, &word));
+    top.bus_rdata = word;
+}
 
 #endif

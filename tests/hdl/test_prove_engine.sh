@@ -2,7 +2,6 @@
 # Proofs of the engine's sums, its doorbell and its AXI4-Lite slave.
 # night: proofs take half a minute
 source "$KN_SOURCE/tests/hdl/tools.sh"
-need yosys yosys-smtbmc z3
 
 prove accumulator induction 3 knead_accumulator.v knead_ram.v
 cover 12

@@ -3,7 +3,6 @@
 # of the bus.
 # night: proofs take half a minute
 source "$KN_SOURCE/tests/hdl/tools.sh"
-need yosys yosys-smtbmc z3
 
 prove framer_resync induction 4 knead_link_decode.v knead_crc32.v
 cover 12

@@ -3,7 +3,6 @@
 # idle.
 # night: proofs take half a minute
 source "$KN_SOURCE/tests/hdl/tools.sh"
-need yosys yosys-smtbmc z3
 
 prove uart_idle bmc 94 knead_uart_rx.v
 mutant 94 knead_uart_rx.v 's/default: if (level) state <= IDLE;/default: ;/'

@@ -1,7 +1,7 @@
 # Shared functions of the circuit's tests. Sourced by bash in an empty working directory, with KN_SOURCE and KN_BUILD.
 #
 #     need PROGRAM...                   skip the test (77) if one is missing
-#     bench TOP BENCH [OPTION]...       build $bench: hdl/sim/BENCH.cpp around the Verilated hdl/rtl/TOP.v, with the C
+#     bench TOP BENCH [OPTION]...       build and run hdl/sim/BENCH.cpp around the Verilated hdl/rtl/TOP.v, with the C
 #                                       code that it is compared with; kept in $KN_BUILD/hdl, OPTION is verilator's;
 #                                       -GNAME=N sets a parameter of TOP, and the bench's macro NAME
 #     prove NAME MODE DEPTH FILE...     prove hdl/formal/NAME.v of the modules hdl/rtl/FILE, whatever other modules
@@ -23,18 +23,18 @@ need() {
 
 bench() {
     local top=$1 name=$2 built option
+    need verilator g++
     built=$(IFS=_ && tr -dc 'a-zA-Z0-9_' <<<"$*") && built=$KN_BUILD/hdl/$built # one for each set of options
     shift 2
     for option in "$@"; do [[ $option != -G* ]] || set -- "$@" -CFLAGS "$(sed "s/-G/-D/; s/16'd//" <<<"$option")"; done
     mkdir -p "$built" && rm -f "$built/bench"
-    gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/server/backend/frame.c" -o "$built/frame.o" &&
-        gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -c "$KN_SOURCE/core/fixed.c" -o "$built/fixed.o" &&
+    (cd "$built" && gcc -std=gnu17 -O2 -Wall -I"$KN_SOURCE" -I"$KN_BUILD" -c "$KN_SOURCE"/{server/backend/frame,core/fixed,clients/simdev/golden}.c) &&
         verilator --cc --exe --build -O3 --x-initial unique -Wall --default-language 1364-2005 -y "$rtl" -y "$tables" \
             --top-module "$top" --prefix "V$top" -Mdir "$built" -o bench -CFLAGS "-O2 -I$KN_SOURCE -I$tables" \
-            -LDFLAGS "$built/frame.o $built/fixed.o -lz" -MAKEFLAGS OPT_FAST=-O2 "$@" \
+            -LDFLAGS "$built/frame.o $built/fixed.o $built/golden.o -lz" -MAKEFLAGS OPT_FAST=-O2 "$@" \
             "$rtl/$top.v" "$KN_SOURCE/hdl/sim/$name.cpp" >"$name.log" 2>&1 ||
         { cat "$name.log" && exit 1; }
-    bench=$built/bench
+    "$built/bench"
 }
 
 # smt2 FROM: write the proof of the modules in FROM as a formula. "wire A, B; // peek: INSTANCE.C INSTANCE.D" in the proof
@@ -71,6 +71,7 @@ solve() {
 
 prove() {
     name=$1 mode=$2 depth=$3
+    need yosys yosys-smtbmc z3
     shift 3
     proof=("$@")
     smt2 "$rtl"
