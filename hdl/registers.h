@@ -58,9 +58,8 @@
     CYCLES(NODE_COMMIT, 8)                                                                                             \
     CYCLES(REACTION, 12)
 
+enum { KN_ENGINE_ID = 0x4b4e4541, KN_ENGINE_VERSION = 0x00010000 };
 enum {
-    KN_ENGINE_ID = 0x4b4e4541,
-    KN_ENGINE_VERSION = 0x00010000,
 #define KN_REGISTER(name, address, access, bits, what) KN_REG_##name = address,
     KN_REGISTERS(KN_REGISTER)
 #undef KN_REGISTER
@@ -70,15 +69,9 @@ enum {
 #define KN_CYCLE(name, clocks) KN_CYCLES_##name = clocks,
             KN_CYCLES(KN_CYCLE)
 #undef KN_CYCLE
-                KN_CONTROL_REST = 1,
-    KN_CONTROL_CLEAR = 2,
-    KN_CONTROL_CRC = 4,
-    KN_CONTROL_LOADED = 8,
-    KN_STATUS_BUSY = 1,
-    KN_STATUS_LOADED = 2,
-    KN_STATUS_SEQ = 4,
-    KN_STATUS_EMPTY = 8
 };
+enum { KN_CONTROL_REST = 1, KN_CONTROL_CLEAR = 2, KN_CONTROL_CRC = 4, KN_CONTROL_LOADED = 8 };
+enum { KN_STATUS_BUSY = 1, KN_STATUS_LOADED = 2, KN_STATUS_SEQ = 4, KN_STATUS_EMPTY = 8 };
 
 // Return CYCLES of a tick with n nodes, e edges, b boundary records, o passes of k iterations.
 static inline uint32_t kn_engine_clocks(uint32_t n, uint32_t e, uint32_t b, uint32_t o, uint32_t k)

@@ -1,44 +1,33 @@
-// Print the circuit's formats and registers: --verilog (knead_formats.vh), --seeds (knead_seeds.vh), --c
-// (knead_hash.h), --markdown (hdl/REGISTERS.md). All come from core/fixed.h and hdl/registers.h. The hash covers the
-// output of --markdown.
+// Print the circuit's formats and registers, which come from core/fixed.h and hdl/registers.h, as the file that is
+// named: formats.vh, seeds.vh, hash.h, or the tables of REGISTERS.md, which the hash covers.
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "core/fixed.h"
 #include "hdl/registers.h"
 
-enum { TEXT = 1 << 16 };
-
-// Text that is collected before it is printed, because the hash needs all of it.
-typedef struct text {
-    char at[TEXT];
-    size_t length;
-} text;
-
-// Append to a text; TEXT is large enough for all tables.
-#define SAY(t, ...) ((t)->length += (size_t)snprintf((t)->at + (t)->length, TEXT - (t)->length, __VA_ARGS__))
-
 // Write the three tables of hdl/REGISTERS.md.
-static void markdown(text *t)
+static void markdown(FILE *out)
 {
-    SAY(t, "| format | bits | fraction | unit | what |\n|---|---|---|---|---|\n");
+    fprintf(out, "| format | bits | fraction | unit | what |\n|---|---|---|---|---|\n");
 #define KN_FORMAT(name, sign, bits, fraction, unit, what)                                                              \
-    SAY(t, "| %s | %s%d | %d | %s | %s |\n", #name, #sign, bits, fraction, unit, what);
+    fprintf(out, "| %s | %s%d | %d | %s | %s |\n", #name, #sign, bits, fraction, unit, what);
     KN_FIXED_FORMATS(KN_FORMAT)
-    SAY(t, "\n| register | word | access | bits | what |\n|---|---|---|---|---|\n");
+    fprintf(out, "\n| register | word | access | bits | what |\n|---|---|---|---|---|\n");
 #define KN_REGISTER(name, address, access, bits, what)                                                                 \
-    SAY(t, "| %s | 0x%02x | %s | %d | %s |\n", #name, address, #access, bits, what);
+    fprintf(out, "| %s | 0x%02x | %s | %d | %s |\n", #name, address, #access, bits, what);
     KN_REGISTERS(KN_REGISTER)
-    SAY(t, "\n| window | first word | words of a record | record |\n|---|---|---|---|\n");
-#define KN_WINDOW(name, first, words, what) SAY(t, "| %s | 0x%06x | %d | %s |\n", #name, first, words, what);
+    fprintf(out, "\n| window | first word | words of a record | record |\n|---|---|---|---|\n");
+#define KN_WINDOW(name, first, words, what) fprintf(out, "| %s | 0x%06x | %d | %s |\n", #name, first, words, what);
     KN_WINDOWS(KN_WINDOW)
 }
 
-static uint32_t fnv1a(const text *t)
+static uint32_t fnv1a(const char *text)
 {
     uint32_t hash = 2166136261u;
-    for (size_t i = 0; i < t->length; i++) hash = (hash ^ (uint8_t)t->at[i]) * 16777619u;
+    for (; *text; text++) hash = (hash ^ (uint8_t)*text) * 16777619u;
     return hash;
 }
 
@@ -70,14 +59,18 @@ static void seeds(void)
 
 int main(int argc, char **argv)
 {
-    static text t;
-    markdown(&t);
-    const uint32_t hash = fnv1a(&t);
+    char *tables = NULL;
+    FILE *out = open_memstream(&tables, &(size_t){0});
+    if (!out) return perror("knead_table"), 3;
+    markdown(out);
+    if (fclose(out) != 0) return perror("knead_table"), 3;
+    const uint32_t hash = fnv1a(tables);
     const char *what = argc == 2 ? argv[1] : "";
-    if (strcmp(what, "--markdown") == 0) printf("%s", t.at);
-    else if (strcmp(what, "--verilog") == 0) verilog(hash);
-    else if (strcmp(what, "--seeds") == 0) seeds();
-    else if (strcmp(what, "--c") == 0) printf("// printed by hdl/table.c\n#define KN_BUILD_HASH 0x%08xu\n", hash);
-    else return fprintf(stderr, "usage: table --markdown | --verilog | --seeds | --c\n"), 2;
+    if (strcmp(what, "REGISTERS.md") == 0) printf("%s", tables);
+    else if (strcmp(what, "formats.vh") == 0) verilog(hash);
+    else if (strcmp(what, "seeds.vh") == 0) seeds();
+    else if (strcmp(what, "hash.h") == 0) printf("// printed by hdl/table.c\n#define KN_BUILD_HASH 0x%08xu\n", hash);
+    else return fprintf(stderr, "usage: knead_table REGISTERS.md | formats.vh | seeds.vh | hash.h\n"), 2;
+    free(tables);
     return 0;
 }
