@@ -30,9 +30,10 @@ uint32_t some_place(chance &c)
 // Return a random word that is often one that the address accepts, or one bit.
 uint32_t some_word(chance &c, uint32_t address, uint32_t seq)
 {
-    // Only nodes that do not exist: a list with a node twice has no defined result.
+    // Record n has node n or a node that does not exist, so that no node stands in the list twice.
     if (address >> 16 == KN_WINDOW_BOUNDS >> 16 && address % 4 == 0)
-        return c.word() | 1u << (LOG_NODES + c.below(31 - LOG_NODES));
+        return c.below(2) ? (address / 4) % (1 << LOG_LIST) | c.below(2) << 31
+                          : c.word() | 1u << (LOG_NODES + c.below(31 - LOG_NODES));
     if (address == KN_REG_STEP_SEQ) return c.below(4) ? seq + 1 : c.below(2) ? seq : c.word();
     if (address == KN_REG_CONTROL) return c.below(4) ? 8 | c.below(8) : c.below(32);
     if (c.below(address < KN_WINDOW_TABLE ? 2 : 8) == 0) return 1u << c.below(32);
@@ -101,7 +102,8 @@ int main()
         const uint32_t address = some_place(c) ^ (c.below(8) ? 0 : 1u << c.below(24)); // or an address one bit away
         const bool write = c.below(2);
         if (n % 400 == 399) load(d, g);
-        if (write && address == KN_REG_STEP_SEQ && d.get(KN_REG_STATUS) & KN_STATUS_LOADED) { // so both check the image
+        // before a step let both check the image again
+        if (write && address == KN_REG_STEP_SEQ && d.get(KN_REG_STATUS) & KN_STATUS_LOADED) {
             put_both(d, g, KN_REG_CONTROL, KN_CONTROL_LOADED);
             alike(true);
         }
