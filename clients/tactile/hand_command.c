@@ -132,10 +132,10 @@ static bool read_length(const char *text, double *value_m)
 static const char *take_origin(void *options, const char *text)
 {
     hand_options *o = options;
-    char part[3][48], one[60];
+    char part[3][48], one[60], more;
     double *x = o->origin_m, unit_m = 0.0;
     o->origin = text;
-    bool ok = sscanf(text, "%47[^,],%47[^,],%47[^,]", part[0], part[1], part[2]) == 3;
+    bool ok = sscanf(text, "%47[^,],%47[^,],%47[^,]%c", part[0], part[1], part[2], &more) == 3;
     snprintf(one, sizeof one, "1 %s", ok ? part[2] + strspn(part[2], " +-.0123456789eE") : "");
     ok = ok && read_length(part[2], &x[2]) && read_length(one, &unit_m);
     for (int i = 0; ok && i < 2; i++) {

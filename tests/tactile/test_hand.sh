@@ -12,6 +12,8 @@ expect "--force-limit 3: expected something like '3.3 N'" paddle --force-limit 3
 expect "--force-limit -1 N: expected something like '3.3 N'" paddle --force-limit '-1 N'
 expect "--origin 0,0,6: expected three lengths like '0,0,6 cm'" paddle --origin 0,0,6
 expect "--origin 0,0: expected three lengths" paddle --origin 0,0
+expect "--origin 0,0,6 cm,7: expected three lengths" paddle --origin '0,0,6 cm,7'
+expect "--baud 500000x: expected 230400" paddle --baud 500000x
 expect "--origin 0,0,nan m: expected three lengths" paddle --origin '0,0,nan m'
 expect '--basis XXZ: the basis is not a permutation' paddle --basis XXZ
 expect '--basis X-YZ: the basis is left-handed' paddle --basis X-YZ
